@@ -1,0 +1,2 @@
+//! AV1 bytes in, motion vectors out.
+#![forbid(unsafe_code)]

@@ -1,0 +1,2 @@
+//! Motion fields in, point tracks out.
+#![forbid(unsafe_code)]

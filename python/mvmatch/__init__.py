@@ -1,0 +1,1 @@
+"""Motion vectors of AV1 video as correspondences, tracks and COLMAP models."""

@@ -1,0 +1,40 @@
+"""Errors of mvmatch: each says whose fault it is, where, and what to do next."""
+
+from __future__ import annotations
+
+
+class MvmatchError(Exception):
+    """Base class of every error that mvmatch raises on purpose."""
+
+
+class BitstreamError(MvmatchError, ValueError):
+    """The stream breaks the AV1 specification (or its container does)."""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        section: str | None = None,
+        byte_offset: int | None = None,
+        frame: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.section = section
+        self.byte_offset = byte_offset
+        self.frame = frame
+
+
+class UnsupportedError(MvmatchError, NotImplementedError):
+    """The input is valid but uses something mvmatch does not handle; the message names it."""
+
+
+class LimitError(MvmatchError):
+    """The input asks for more than the configured limits allow."""
+
+
+class MissingExtraError(MvmatchError, ImportError):
+    """An optional dependency is not installed; the message holds the pip line."""
+
+
+class DataError(MvmatchError, ValueError):
+    """An input other than the bitstream (images, camera, tables) cannot be used."""
