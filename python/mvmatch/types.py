@@ -1,7 +1,8 @@
 """The four nouns of mvmatch: motion fields, correspondences, tracks, scores.
 
-All coordinates are pixels in COLMAP's convention: the origin is the upper-left image corner and the
-centre of the first pixel lies at (0.5, 0.5). Order is ``[x, y]``. A frame number is a display index.
+All coordinates are pixels in COLMAP's convention: the origin is the upper-left image corner and
+the centre of the first pixel lies at (0.5, 0.5). Order is ``[x, y]``. A frame number is a display
+index.
 """
 
 from __future__ import annotations
@@ -85,7 +86,8 @@ class MotionField:
     residual: NDArray[np.float32]
     """(N,) sum of absolute quantised luma coefficient levels: the residual-energy proxy."""
     warp: NDArray[np.float64]
-    """(N, 6) affine model ``[a, b, c, d, e, f]``: ``xy_ref = [a x + b y + c, d x + e y + f]`` px, NaN without."""
+    """(N, 6) affine model ``[a, b, c, d, e, f]``, NaN without one:
+    ``xy_in_reference = [a x + b y + c, d x + e y + f]`` in px."""
 
     @property
     def centers(self) -> NDArray[np.float32]:
@@ -93,7 +95,8 @@ class MotionField:
         import numpy as np
 
         block = self.block.astype(np.float32)
-        return block[:, :2] + block[:, 2:] / np.float32(2)
+        centers = block[:, :2] + block[:, 2:] / np.float32(2)
+        return centers.astype(np.float32, copy=False)
 
     def __len__(self) -> int:
         return len(self.block)

@@ -1,0 +1,67 @@
+# The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint bench fmt clean
+SHELL := /bin/bash
+
+# The first interpreter that runs, is new enough and can make virtual environments.
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+VENV := .venv
+BIN := $(VENV)/bin
+CARGO_TEST := cargo test --workspace --exclude mvmatch-python
+RUST_SOURCES := $(shell find crates -name '*.rs' -o -name 'Cargo.toml') Cargo.toml Cargo.lock
+
+help:
+	@echo "make demo    render a short synthetic drive, encode it, reconstruct it, compare with the truth"
+	@echo "make test    all tests: Rust, Python"
+	@echo "make lint    rustfmt, clippy, ruff, pyright, import-linter, stubtest"
+	@echo "make bench   speed of the parser and of the front ends"
+	@echo "make fmt     format all sources"
+	@echo "make setup   only the environment in $(VENV)"
+
+setup: $(VENV)/core.stamp
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Python >= 3.11 with the venv module was not found. Install it or run: make PYTHON=/path/to/python3 ..." >&2; exit 2; }
+	@command -v cargo >/dev/null || { echo "cargo was not found. Install Rust from https://rustup.rs" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=24"
+
+# Dependencies: only when pyproject.toml changes.
+$(VENV)/dependencies.stamp: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet "maturin>=1.9.4,<2"
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --extras dev,encoders
+	@touch $@
+
+# The compiled module: only when a Rust source changes. Python sources are used in place.
+$(VENV)/core.stamp: $(VENV)/dependencies.stamp $(RUST_SOURCES)
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --skip-install
+	@touch $@
+
+demo: setup
+	$(BIN)/mvmatch demo demo
+
+test: setup
+	$(CARGO_TEST)
+	$(BIN)/python -m pytest
+
+lint: setup
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports --no-cache
+	cd $(VENV) && bin/python -m mypy.stubtest mvmatch._core --ignore-disjoint-bases
+
+bench: setup
+	cargo bench --workspace --exclude mvmatch-python
+	@test ! -f tools/compare_front_ends.py || $(BIN)/python tools/compare_front_ends.py --help
+
+fmt: setup
+	cargo fmt --all
+	$(BIN)/ruff check --fix-only --quiet .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) target demo out
