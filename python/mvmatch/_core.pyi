@@ -1,1 +1,84 @@
-"""The Rust part of mvmatch; each class and function is documented where it is defined."""
+"""The Rust part of mvmatch: it converts and computes, and decides nothing.
+
+Errors raised here are the classes of :mod:`mvmatch.errors`.
+"""
+
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+@final
+class ContainerReader:
+    """Temporal units of an IVF file, a Section 5 OBU stream or an Annex B stream.
+
+    Raises ``BitstreamError`` where the container is damaged, ``OSError`` where it cannot be read.
+    """
+
+    def __new__(cls, path: str) -> ContainerReader: ...
+    def next_unit(self) -> tuple[int | None, bytes] | None:
+        """Return (pts in units of the timebase, bytes), or None at the end."""
+
+    @property
+    def timebase(self) -> tuple[int, int] | None:
+        """Seconds per tick as (numerator, denominator); None when the container has none."""
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """(width, height) in px as the container states it; None when it does not."""
+
+@final
+class Av1Parser:
+    """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile."""
+
+    def __new__(cls, *, max_frame_area: int = ...) -> Av1Parser: ...
+    def push(self, unit: bytes) -> None:
+        """Queue one temporal unit."""
+
+    def next_frame(self) -> CodedFrame | None:
+        """Parse and return the next frame of the queued units, None when they are used up."""
+
+@final
+class CodedFrame:
+    """One frame header and, unless it only shows an earlier frame, the blocks it codes."""
+
+    @property
+    def decode_index(self) -> int: ...
+    @property
+    def display_index(self) -> int: ...
+    @property
+    def order_hint(self) -> int: ...
+    @property
+    def frame_type(self) -> str: ...
+    @property
+    def show_frame(self) -> bool: ...
+    @property
+    def showable_frame(self) -> bool: ...
+    @property
+    def show_existing_frame(self) -> bool: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def upscaled_width(self) -> int: ...
+    @property
+    def base_q_idx(self) -> int: ...
+    @property
+    def ref_decode_index(self) -> NDArray[np.int64]: ...
+    @property
+    def ref_display_index(self) -> NDArray[np.int64]: ...
+    @property
+    def temporal_id(self) -> int: ...
+    @property
+    def spatial_id(self) -> int: ...
+    @property
+    def unit_index(self) -> int: ...
+    def motion(self) -> dict[str, NDArray[Any]]:
+        """One row per block and reference: the columns of ``MotionField``."""
+
+    def blocks(self) -> dict[str, NDArray[Any]]:
+        """One row per coded block, numbered as in the specification."""
+
+    def header(self) -> dict[str, Any]:
+        """Return the header's syntax elements."""

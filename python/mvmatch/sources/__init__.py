@@ -1,0 +1,8 @@
+"""Sources: video files in, one :class:`~mvmatch.types.MotionField` per coded frame out."""
+
+from __future__ import annotations
+
+from mvmatch.sources.base import FrameFacts, MotionSource, open_video, sniff
+from mvmatch.sources.structure import ReferenceStructure
+
+__all__ = ["FrameFacts", "MotionSource", "ReferenceStructure", "open_video", "sniff"]

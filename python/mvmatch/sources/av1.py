@@ -1,0 +1,295 @@
+"""AV1 through our own parser: IVF, Section 5 and Annex B natively, other containers demuxed."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mvmatch import _core
+from mvmatch.errors import BitstreamError, DataError, MvmatchError, UnsupportedError
+from mvmatch.sources.base import FrameFacts, unsupported_codec
+from mvmatch.types import MotionField, VideoInfo
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from fractions import Fraction
+    from pathlib import Path
+    from types import TracebackType
+
+    Unit = tuple[float | None, bytes]
+    """Presentation time in s and the bytes of one temporal unit."""
+
+_SHARED_COLUMNS = (
+    "block",
+    "mv",
+    "ref_frame",
+    "flags",
+    "segment_id",
+    "qindex",
+    "residual",
+    "warp",
+)
+
+
+class Av1Source:
+    """Motion fields of one AV1 stream; see :class:`~mvmatch.sources.base.MotionSource`.
+
+    Parameters
+    ----------
+    units : iterator of (pts in s or None, bytes)
+        Temporal units in decode order.
+    close : callable
+        Releases the container.
+    num_frames, frame_rate
+        What the container says, None when it does not.
+    """
+
+    def __init__(
+        self,
+        units: Iterator[Unit],
+        *,
+        close: Callable[[], None],
+        num_frames: int | None = None,
+        frame_rate: float | None = None,
+    ) -> None:
+        self._units = units
+        self._close = close
+        self._parser = _core.Av1Parser()
+        self._frames: list[FrameFacts] = []
+        self._pts: float | None = None
+        self._num_units = 0
+        try:
+            first = self._next_coded()
+        except BaseException:
+            close()
+            raise
+        if first is None:
+            close()
+            message = "the file ends before its first AV1 frame"
+            raise BitstreamError(message)
+        self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
+        self._info = VideoInfo(
+            width=first.upscaled_width,
+            height=first.height,
+            num_frames=num_frames,
+            frame_rate=frame_rate,
+            codec="av1",
+        )
+
+    @property
+    def info(self) -> VideoInfo:
+        """What is known about the video before it is read."""
+        return self._info
+
+    @property
+    def frames(self) -> Sequence[FrameFacts]:
+        """Header facts of the frames read so far."""
+        return self._frames
+
+    def __enter__(self) -> Av1Source:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._close()
+
+    def __iter__(self) -> Iterator[MotionField]:
+        """Yield the field of every coded frame; damage raises after the frames before it."""
+        while True:
+            if self._first is not None:
+                (coded, pts), self._first = self._first, None
+            else:
+                coded, pts = self._next_coded(), self._pts
+            if coded is None:
+                return
+            self._frames.append(_facts(coded))
+            if not coded.show_existing_frame:
+                yield _field(coded, pts)
+
+    def _next_coded(self) -> _core.CodedFrame | None:
+        while True:
+            coded = self._parser.next_frame()
+            if coded is not None:
+                return coded
+            unit = next(self._units, None)
+            if unit is None:
+                return None
+            self._pts, data = unit
+            self._num_units += 1
+            self._parser.push(data)
+
+
+def open_elementary(path: Path) -> Av1Source:
+    """Open an IVF file, a Section 5 OBU stream or an Annex B stream.
+
+    Raises
+    ------
+    DataError
+        The file is none of them.
+    UnsupportedError
+        It is an IVF file of another codec.
+    BitstreamError
+        It is damaged before the first frame is complete.
+    """
+    with path.open("rb") as file:
+        head = file.read(32)
+    if head.startswith(b"DKIF") and len(head) >= 12 and head[8:12] != b"AV01":
+        raise unsupported_codec(path, head[8:12].decode("ascii", "replace").strip("\0 "))
+    reader = _core.ContainerReader(str(path))
+    timebase = reader.timebase
+    frame_rate = timebase[1] / timebase[0] if timebase and timebase[0] else None
+
+    def units() -> Iterator[Unit]:
+        while (unit := reader.next_unit()) is not None:
+            pts, data = unit
+            seconds = None
+            if pts is not None and timebase is not None and timebase[1]:
+                seconds = pts * timebase[0] / timebase[1]
+            yield seconds, data
+
+    return _open(path, units(), close=_nothing, frame_rate=frame_rate)
+
+
+def open_demuxed(path: Path) -> Av1Source:
+    """Open MP4, MKV, WebM or whatever else FFmpeg demuxes; packets only, nothing is decoded.
+
+    Raises
+    ------
+    DataError
+        FFmpeg does not recognise the file, or there is no video in it.
+    UnsupportedError
+        The video is not AV1.
+    BitstreamError
+        It is damaged before the first frame is complete.
+    """
+    import av
+    from av.error import FFmpegError
+
+    try:
+        container = av.open(str(path))
+    except (FFmpegError, OSError) as error:
+        message = (
+            f"{path} is not a video that can be read ({_reason(error)}). "
+            "Give AV1 as IVF, OBU, MP4, MKV or WebM, any other video FFmpeg reads, "
+            "or a folder of frames"
+        )
+        raise DataError(message) from error
+    with contextlib.ExitStack() as cleanup:
+        cleanup.callback(container.close)
+        if not container.streams.video:
+            message = f"{path} holds no video stream"
+            raise DataError(message)
+        stream = container.streams.video[0]
+        codec = stream.codec_context.codec.canonical_name
+        if codec != "av1":
+            raise unsupported_codec(path, codec)
+        rate: Fraction | None = stream.average_rate
+        prefix = _configuration_obus(stream.codec_context.extradata)
+
+        def units() -> Iterator[Unit]:
+            missing = prefix
+            try:
+                for packet in container.demux(stream):
+                    if not packet.size:
+                        continue
+                    pts = packet.pts
+                    seconds = None
+                    if pts is not None:
+                        seconds = float(pts * packet.time_base)
+                    yield seconds, missing + bytes(packet)
+                    missing = b""
+            except FFmpegError as error:
+                message = f"the container is damaged: {_reason(error)}"
+                raise BitstreamError(message) from error
+
+        source = _open(
+            path,
+            units(),
+            close=container.close,
+            num_frames=stream.frames or None,
+            frame_rate=float(rate) if rate else None,
+        )
+        cleanup.pop_all()
+    return source
+
+
+def _open(
+    path: Path,
+    units: Iterator[Unit],
+    *,
+    close: Callable[[], None],
+    num_frames: int | None = None,
+    frame_rate: float | None = None,
+) -> Av1Source:
+    try:
+        return Av1Source(units, close=close, num_frames=num_frames, frame_rate=frame_rate)
+    except MvmatchError as error:
+        raise _located(error, path) from error
+
+
+def _located(error: MvmatchError, path: Path) -> MvmatchError:
+    """Return the same error with the file's name in front."""
+    message = f"{path}: {error}"
+    if isinstance(error, BitstreamError):
+        return BitstreamError(
+            message, section=error.section, byte_offset=error.byte_offset, frame=error.frame
+        )
+    if isinstance(error, UnsupportedError):
+        return UnsupportedError(message)
+    return type(error)(message)
+
+
+def _configuration_obus(extradata: bytes | None) -> bytes:
+    """Return the OBUs of a container's AV1 configuration record.
+
+    ``av1C`` (MP4, Matroska) is four bytes and then OBUs; the first byte is 0x81 (marker and
+    version). Raw demuxers hand over bare OBUs. A stream whose packets repeat the sequence header
+    is not harmed by seeing it once more.
+    """
+    if not extradata:
+        return b""
+    return extradata[4:] if extradata[0] == 0x81 else extradata
+
+
+def _facts(coded: _core.CodedFrame) -> FrameFacts:
+    intra = coded.frame_type in {"KEY", "INTRA_ONLY"}
+    references = np.asarray(coded.ref_display_index)
+    return FrameFacts(
+        decode_index=coded.decode_index,
+        display_index=coded.display_index,
+        frame_type=coded.frame_type,
+        is_shown=bool(coded.show_frame or coded.show_existing_frame),
+        is_repeat=coded.show_existing_frame,
+        width=coded.upscaled_width,
+        height=coded.height,
+        base_q_idx=coded.base_q_idx,
+        ref_display_index=() if intra else tuple(int(index) for index in references),
+    )
+
+
+def _field(coded: _core.CodedFrame, pts: float | None) -> MotionField:
+    columns = coded.motion()
+    return MotionField(
+        frame=coded.display_index,
+        decode_index=coded.decode_index,
+        pts=pts if coded.show_frame else None,
+        width=coded.upscaled_width,
+        height=coded.height,
+        is_key=coded.frame_type in {"KEY", "INTRA_ONLY"},
+        is_shown=coded.show_frame,
+        **{name: columns[name] for name in _SHARED_COLUMNS},
+    )
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
+
+
+def _nothing() -> None:
+    """Native readers hold no resource."""

@@ -1,0 +1,141 @@
+"""How a stream refers to its past: what decides whether its vectors can be chained."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from mvmatch.sources.base import FrameFacts
+    from mvmatch.types import MotionField
+
+
+class ReferenceStructure:
+    """Counts over a whole stream: rows and area per reference distance, key frames, hidden frames.
+
+    Feed every field with :meth:`add`; a *distance* is ``frame - ref_frame`` in display order, so 1
+    is the previous picture and a negative one lies in the future.
+    """
+
+    def __init__(self) -> None:
+        self._rows: Counter[int] = Counter()
+        self._area: Counter[int] = Counter()
+        self._inter_area = 0.0
+        self._inter_picture_area = 0.0
+        self._vectors_per_frame: dict[int, int] = {}
+
+    def watch(self, fields: Iterable[MotionField]) -> Iterable[MotionField]:
+        """Pass fields through unchanged, counting them on the way."""
+        for field in fields:
+            self.add(field)
+            yield field
+
+    def add(self, field: MotionField) -> None:
+        """Count one field."""
+        self._vectors_per_frame[field.frame] = len(field)
+        if field.is_key:
+            return
+        area = _area_inside(field)
+        distance = field.frame - field.ref_frame
+        for value in np.unique(distance):
+            chosen = distance == value
+            self._rows[int(value)] += int(chosen.sum())
+            self._area[int(value)] += int(area[chosen].sum())
+        # A compound block has one row per reference; its area counts once.
+        _, first = np.unique(field.block, axis=0, return_index=True)
+        self._inter_area += float(area[first].sum())
+        self._inter_picture_area += float(field.width * field.height)
+
+    @property
+    def share_to_previous(self) -> float:
+        """Share of the vectors' area that refers to the previous picture; NaN without vectors."""
+        total = sum(self._area.values())
+        return self._area[1] / total if total else float("nan")
+
+    @property
+    def inter_area_share(self) -> float:
+        """Share of the inter frames' area that has a vector; NaN without inter frames."""
+        if not self._inter_picture_area:
+            return float("nan")
+        return self._inter_area / self._inter_picture_area
+
+    @property
+    def num_vectors(self) -> int:
+        """Vectors counted so far."""
+        return sum(self._rows.values())
+
+    @property
+    def vectors_per_frame(self) -> dict[int, int]:
+        """Vectors per display index."""
+        return dict(sorted(self._vectors_per_frame.items()))
+
+    def summary(self, frames: Sequence[FrameFacts]) -> dict[str, Any]:
+        """Return the counts as plain numbers for reports (docs/reference/report-schema.md)."""
+        coded = [frame for frame in frames if not frame.is_repeat]
+        keys = [frame.display_index for frame in coded if frame.frame_type == "KEY"]
+        total_area = sum(self._area.values())
+        return {
+            "coded_frames": len(coded),
+            "shown_frames": sum(frame.is_shown for frame in frames),
+            "hidden_frames": sum(not frame.is_shown for frame in coded),
+            "repeated_frames": sum(frame.is_repeat for frame in frames),
+            "key_frames": keys,
+            "intra_frames": sum(frame.frame_type in {"KEY", "INTRA_ONLY"} for frame in coded),
+            "num_vectors": self.num_vectors,
+            "vectors_per_distance": {str(d): self._rows[d] for d in sorted(self._rows)},
+            "area_share_per_distance": {
+                str(d): self._area[d] / total_area for d in sorted(self._area) if total_area
+            },
+            "share_to_previous": _finite(self.share_to_previous),
+            "inter_area_share": _finite(self.inter_area_share),
+            "median_vectors_per_frame": (
+                float(np.median(list(self._vectors_per_frame.values())))
+                if self._vectors_per_frame
+                else 0.0
+            ),
+        }
+
+    def warnings(self, frames: Sequence[FrameFacts]) -> list[str]:
+        """Say in whole sentences what will make matching hard."""
+        found: list[str] = []
+        coded = [frame for frame in frames if not frame.is_repeat]
+        keys = [frame for frame in coded if frame.frame_type == "KEY"]
+        if len(coded) > 1 and len(keys) == len(coded):
+            found.append(
+                "Every frame is a key frame: there are no motion vectors at all. "
+                "Re-encode the video for matching (mvmatch encode)."
+            )
+        elif len(keys) > 1:
+            spacing = len(coded) / len(keys)
+            tail = " Tracks cannot reach three frames." if spacing < 3 else ""
+            found.append(
+                f"{len(keys)} key frames, one in {spacing:.1f} frames: every one cuts all tracks."
+                f"{tail} Re-encoding for matching (mvmatch encode) removes them."
+            )
+        if self.num_vectors and self.share_to_previous < 0.5:
+            found.append(
+                f"Only {self.share_to_previous:.0%} of the vectors' area refers to the previous "
+                "picture: neighbouring frames share few tracks."
+            )
+        if self.num_vectors and self.inter_area_share < 0.25:
+            found.append(
+                f"Only {self.inter_area_share:.0%} of the pictures' area has a vector: "
+                "the encoder found little motion it could use."
+            )
+        return found
+
+
+def _area_inside(field: MotionField) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Area in px² of each block inside the picture."""
+    block = field.block.astype(np.int64)
+    right = np.minimum(block[:, 0] + block[:, 2], field.width)
+    below = np.minimum(block[:, 1] + block[:, 3], field.height)
+    return np.maximum(right - block[:, 0], 0) * np.maximum(below - block[:, 1], 0)
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
