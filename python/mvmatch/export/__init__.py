@@ -1,0 +1,1 @@
+"""Tracks to files: a COLMAP database, or hloc's HDF5 pair."""

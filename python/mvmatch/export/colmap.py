@@ -1,0 +1,250 @@
+"""Tracks to a COLMAP database: the meeting point of every method mvmatch compares.
+
+Coordinates are COLMAP's already, so nothing is converted. Image ids are frame numbers plus one.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mvmatch.errors import DataError
+from mvmatch.geometry.two_view import PairGeometry, RansacOptions, fit_pair
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Sequence
+    from pathlib import Path
+
+    import pycolmap
+    from numpy.typing import NDArray
+
+    from mvmatch.types import Tracks, TwoViewScore
+
+PLANAR_RATIO = 0.8
+"""H explaining this share of E's inliers means no parallax (COLMAP's ``max_H_inlier_ratio``)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationOptions:
+    """How matches become the two-view geometries that the mapper reads."""
+
+    mode: Literal["all", "sampled", "trust"] = "sampled"
+    """``all`` estimates on every match, ``sampled`` on ``max_sample`` per pair and tests every match,
+    ``trust`` passes every match on untested."""
+    max_sample: int = 256
+    """Matches per pair that the estimation sees in mode ``sampled``."""
+    ransac: RansacOptions = field(default_factory=RansacOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatabaseSummary:
+    """What was written."""
+
+    num_images: int
+    num_keypoints: int
+    num_pairs: int
+    """Image pairs with at least one match."""
+    num_verified_pairs: int
+    """Image pairs with a two-view geometry."""
+    num_matches: int
+    num_inliers: int
+    """Matches that agree with the geometry of their pair."""
+    scores: tuple[TwoViewScore, ...]
+    """One per pair; empty in mode ``trust``."""
+
+
+def write_database(
+    tracks: Tracks,
+    path: Path,
+    *,
+    camera: pycolmap.Camera,
+    image_names: Sequence[str],
+    verification: VerificationOptions | None = None,
+    max_gap: int | None = 10,
+) -> DatabaseSummary:
+    """Write tracks as keypoints, matches and two-view geometries of a new COLMAP database.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        Observations in px, COLMAP origin.
+    path : Path
+        The database; it appears under this name only when complete. An older one is replaced.
+    camera : pycolmap.Camera
+        The one camera of the video.
+    image_names : sequence of str
+        File name of every frame, index = frame number.
+    verification : VerificationOptions
+        How matches are checked.
+    max_gap : int or None
+        Frame pairs further apart get no matches of their own; None writes every pair of a track.
+
+    Returns
+    -------
+    DatabaseSummary
+
+    Raises
+    ------
+    DataError
+        A track refers to a frame without a name, names repeat, or the path cannot be written.
+    """
+    _check(tracks, image_names)
+    options = verification or VerificationOptions()
+    with new_database(path) as database:
+        write_images(database, camera, image_names)
+        num_keypoints = 0
+        keypoints: list[NDArray[np.float32]] = []
+        for frame in range(len(image_names)):
+            xy = np.ascontiguousarray(tracks.keypoints(frame), np.float32)
+            database.write_keypoints(frame + 1, xy)
+            keypoints.append(xy)
+            num_keypoints += len(xy)
+        writer = _PairWriter(database, camera, keypoints, options)
+        for frame0, frame1, matches in tracks.pairs(max_gap):
+            writer.add(frame0, frame1, matches)
+    return DatabaseSummary(
+        num_images=len(image_names),
+        num_keypoints=num_keypoints,
+        num_pairs=writer.num_pairs,
+        num_verified_pairs=writer.num_verified_pairs,
+        num_matches=writer.num_matches,
+        num_inliers=writer.num_inliers,
+        scores=tuple(writer.scores),
+    )
+
+
+class _PairWriter:
+    """Verifies pairs, writes them, and counts."""
+
+    def __init__(
+        self,
+        database: pycolmap.Database,
+        camera: pycolmap.Camera,
+        keypoints: Sequence[NDArray[np.float32]],
+        options: VerificationOptions,
+    ) -> None:
+        self._database = database
+        self._camera = camera
+        self._keypoints = keypoints
+        self._options = options
+        self.num_pairs = self.num_verified_pairs = self.num_matches = self.num_inliers = 0
+        self.scores: list[TwoViewScore] = []
+
+    def add(self, frame0: int, frame1: int, matches: NDArray[np.uint32]) -> None:
+        if len(matches) == 0:
+            return
+        self.num_pairs += 1
+        self.num_matches += len(matches)
+        self._database.write_matches(frame0 + 1, frame1 + 1, matches)
+        if self._options.mode == "trust":
+            self._write(frame0, frame1, calibrated_geometry(matches))
+            return
+        fit = fit_pair(
+            self._keypoints[frame0][matches[:, 0]],
+            self._keypoints[frame1][matches[:, 1]],
+            self._camera,
+            self._camera,
+            frames=(frame0, frame1),
+            options=self._options.ransac,
+            max_sample=self._options.max_sample if self._options.mode == "sampled" else None,
+        )
+        self.scores.append(fit.score)
+        if fit.score.model is not None:
+            self._write(frame0, frame1, calibrated_geometry(matches[fit.inliers], fit))
+
+    def _write(self, frame0: int, frame1: int, geometry: pycolmap.TwoViewGeometry) -> None:
+        self._database.write_two_view_geometry(frame0 + 1, frame1 + 1, geometry)
+        self.num_verified_pairs += 1
+        self.num_inliers += len(geometry.inlier_matches)
+
+
+def calibrated_geometry(
+    matches: NDArray[np.uint32], fit: PairGeometry | None = None
+) -> pycolmap.TwoViewGeometry:
+    """Build the COLMAP record of inlier matches and, when they were fitted, their models."""
+    import pycolmap
+
+    geometry = pycolmap.TwoViewGeometry()
+    geometry.inlier_matches = matches
+    planar = fit is not None and fit.homography_ratio > PLANAR_RATIO
+    kinds = pycolmap.TwoViewGeometryConfiguration
+    geometry.config = kinds.PLANAR_OR_PANORAMIC if planar else kinds.CALIBRATED
+    if fit is not None:
+        geometry.E, geometry.H = fit.E, fit.H
+        geometry.cam2_from_cam1 = fit.cam1_from_cam0
+    return geometry
+
+
+@contextlib.contextmanager
+def new_database(path: Path) -> Generator[pycolmap.Database]:
+    """Open a new database that appears under its name only when the block ends without error.
+
+    Everything in the block is one transaction.
+
+    Raises
+    ------
+    DataError
+        The folder is missing or cannot be written.
+    """
+    import pycolmap
+
+    partial = path.with_name(f".{path.name}.partial")
+    _remove(partial)
+    try:
+        with partial.open("xb"):
+            pass
+    except OSError as error:
+        raise DataError(
+            f"cannot write the database {path}: {error.strerror}; choose another folder"
+        ) from error
+    try:
+        with (
+            pycolmap.Database.open(partial) as database,
+            pycolmap.DatabaseTransaction(database),
+        ):
+            yield database
+        partial.replace(path)
+    finally:
+        _remove(partial)
+
+
+def write_images(
+    database: pycolmap.Database, camera: pycolmap.Camera, image_names: Sequence[str]
+) -> None:
+    """Write one camera, its trivial rig, and per name one image in one frame; ids are frame + 1."""
+    import pycolmap
+
+    camera_id = database.write_camera(camera)
+    rig = pycolmap.Rig(rig_id=1)
+    sensor = pycolmap.sensor_t(type=pycolmap.SensorType.CAMERA, id=camera_id)
+    rig.add_ref_sensor(sensor)
+    rig_id = database.write_rig(rig)
+    for index, name in enumerate(image_names):
+        image = pycolmap.Image(name=name, camera_id=camera_id, image_id=index + 1)
+        database.write_image(image, use_image_id=True)
+        frame = pycolmap.Frame(frame_id=index + 1, rig_id=rig_id)
+        frame.add_data_id(pycolmap.data_t(sensor_id=sensor, id=index + 1))
+        database.write_frame(frame, use_frame_id=True)
+
+
+def _check(tracks: Tracks, image_names: Sequence[str]) -> None:
+    if len(set(image_names)) != len(image_names):
+        raise DataError("image names repeat; COLMAP needs one name per frame")
+    last = int(tracks.frame.max()) if len(tracks.frame) else -1
+    if last >= len(image_names):
+        raise DataError(
+            f"tracks reach frame {last} but there are {len(image_names)} image names; "
+            "give one name per frame"
+        )
+
+
+def _remove(path: Path) -> None:
+    for suffix in ("", "-journal", "-wal", "-shm"):
+        with contextlib.suppress(OSError):
+            path.with_name(path.name + suffix).unlink()
