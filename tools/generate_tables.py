@@ -151,8 +151,11 @@ def rust_rows(values: list[str], shape: list[int], indent: int) -> str:
         if len(flat) < LINE_LENGTH:
             return flat
         inner = textwrap.fill(
-            ", ".join(values) + ",", LINE_LENGTH, initial_indent=pad + "    ",
-            subsequent_indent=pad + "    ", break_long_words=False,
+            ", ".join(values) + ",",
+            LINE_LENGTH,
+            initial_indent=pad + "    ",
+            subsequent_indent=pad + "    ",
+            break_long_words=False,
         )
         return f"{pad}[\n{inner}\n{pad}]"
     step = math.prod(shape[1:])
@@ -165,7 +168,9 @@ def rust_rows(values: list[str], shape: list[int], indent: int) -> str:
     if len(shape) == 2 and max(map(len, parts)) < LINE_LENGTH and "\n" not in "".join(parts):
         inner = textwrap.fill(
             "@".join(part.strip().replace(" ", "~") for part in parts).replace("@", ", ") + ",",
-            LINE_LENGTH, initial_indent=pad + "    ", subsequent_indent=pad + "    ",
+            LINE_LENGTH,
+            initial_indent=pad + "    ",
+            subsequent_indent=pad + "    ",
             break_long_words=False,
         ).replace("~", " ")
         return f"{pad}[\n{inner}\n{pad}]"
@@ -178,8 +183,9 @@ class RustFile:
     def __init__(self, spec: Specification, title: str, **homes: str) -> None:
         """`homes` maps a sibling module to the pattern of the constants that live there."""
         self.spec = spec
-        self.title = textwrap.fill(title, LINE_LENGTH, initial_indent="//! ",
-                                   subsequent_indent="//! ")
+        self.title = textwrap.fill(
+            title, LINE_LENGTH, initial_indent="//! ", subsequent_indent="//! "
+        )
         self.homes = homes
         self.uses: dict[str, set[str]] = {home: set() for home in homes}
         self.own: set[str] = set()
@@ -225,8 +231,12 @@ class RustFile:
         note = "//!\n//! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit."
         head = [self.title, note, ""]
         for home, names in self.uses.items():
-            block = textwrap.fill(", ".join(sorted(names)) + ",", LINE_LENGTH,
-                                  initial_indent="    ", subsequent_indent="    ")
+            block = textwrap.fill(
+                ", ".join(sorted(names)) + ",",
+                LINE_LENGTH,
+                initial_indent="    ",
+                subsequent_indent="    ",
+            )
             head.append(f"#[rustfmt::skip]\nuse super::{home}::{{\n{block}\n}};\n")
         path.write_text("\n".join(head + self.parts).rstrip() + "\n", encoding="utf-8")
 
@@ -238,8 +248,11 @@ def numbered(spec: Specification, pattern: str) -> list[str]:
 
 
 def block_size(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§6.10.4 Block sizes and partitions, and what follows from a block's"
-                    " size (§9.3).", tx_size=r"TX_\d+X\d+")
+    file = RustFile(
+        spec,
+        "§6.10.4 Block sizes and partitions, and what follows from a block's size (§9.3).",
+        tx_size=r"TX_\d+X\d+",
+    )
     file.constants("u8", [*numbered(spec, r"BLOCK_\d+X\d+"), "BLOCK_INVALID"])
     file.constants("usize", ["BLOCK_SIZES"])
     file.constants("u8", numbered(spec, r"PARTITION_(?!CONTEXTS)\w+"))
@@ -249,8 +262,14 @@ def block_size(spec: Specification, out: Path) -> None:
         table = spec.tables[f"Num_4x4_Blocks_{source}"]
         values = [str(4 * int(token)) for token in table.tokens]
         file.array(name, table.section, values, [len(values)], "u8")
-    for name in ("Size_Group", "Max_Tx_Size_Rect", "Max_Tx_Depth", "Partition_Subsize",
-                 "Subsampled_Size", "Wedge_Bits"):
+    for name in (
+        "Size_Group",
+        "Max_Tx_Size_Rect",
+        "Max_Tx_Depth",
+        "Partition_Subsize",
+        "Subsampled_Size",
+        "Wedge_Bits",
+    ):
         file.table(name, "u8")
     file.write(out / "block_size.rs")
 
@@ -259,43 +278,82 @@ def tx_size(spec: Specification, out: Path) -> None:
     file = RustFile(spec, "§6.10.16 Transform sizes and what follows from them (§9.3).")
     file.constants("u8", numbered(spec, r"TX_\d+X\d+"))
     file.constants("usize", ["TX_SIZES", "TX_SIZES_ALL"])
-    for name in ("Split_Tx_Size", "Tx_Size_Sqr", "Tx_Size_Sqr_Up", "Tx_Width", "Tx_Height",
-                 "Tx_Width_Log2", "Tx_Height_Log2", "Adjusted_Tx_Size"):
+    for name in (
+        "Split_Tx_Size",
+        "Tx_Size_Sqr",
+        "Tx_Size_Sqr_Up",
+        "Tx_Width",
+        "Tx_Height",
+        "Tx_Width_Log2",
+        "Tx_Height_Log2",
+        "Adjusted_Tx_Size",
+    ):
         file.table(name, "u8")
     file.write(out / "tx_size.rs")
 
 
 def tx_type(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§5.11.40, §5.11.47, §9.3 Which transform types a mode implies and a"
-                    " set contains.", symbols=r"[A-Z]*DCT[A-Z_]*|[A-Z]*ADST[A-Z_]*|IDTX|[VH]_\w+")
-    for name in ("Mode_To_Txfm", "Tx_Type_In_Set_Intra", "Tx_Type_In_Set_Inter",
-                 "Tx_Type_Intra_Inv_Set1", "Tx_Type_Intra_Inv_Set2", "Tx_Type_Inter_Inv_Set1",
-                 "Tx_Type_Inter_Inv_Set2", "Tx_Type_Inter_Inv_Set3"):
+    file = RustFile(
+        spec,
+        "§5.11.40, §5.11.47, §9.3 Which transform types a mode implies and a set contains.",
+        symbols=r"[A-Z]*DCT[A-Z_]*|[A-Z]*ADST[A-Z_]*|IDTX|[VH]_\w+",
+    )
+    for name in (
+        "Mode_To_Txfm",
+        "Tx_Type_In_Set_Intra",
+        "Tx_Type_In_Set_Inter",
+        "Tx_Type_Intra_Inv_Set1",
+        "Tx_Type_Intra_Inv_Set2",
+        "Tx_Type_Inter_Inv_Set1",
+        "Tx_Type_Inter_Inv_Set2",
+        "Tx_Type_Inter_Inv_Set3",
+    ):
         file.table(name, "u8")
     file.write(out / "tx_type.rs")
 
 
 def contexts(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§8.3.2, §9.3 Tables that choose the CDF of a syntax element.",
-                    symbols=r"[A-Z0-9]+_PRED")
-    for name in ("Intra_Mode_Context", "Compound_Mode_Ctx_Map", "Filter_Intra_Mode_To_Intra_Dir",
-                 "Sig_Ref_Diff_Offset", "Coeff_Base_Ctx_Offset", "Coeff_Base_Pos_Ctx_Offset",
-                 "Mag_Ref_Offset_With_Tx_Class"):
+    file = RustFile(
+        spec,
+        "§8.3.2, §9.3 Tables that choose the CDF of a syntax element.",
+        symbols=r"[A-Z0-9]+_PRED",
+    )
+    for name in (
+        "Intra_Mode_Context",
+        "Compound_Mode_Ctx_Map",
+        "Filter_Intra_Mode_To_Intra_Dir",
+        "Sig_Ref_Diff_Offset",
+        "Coeff_Base_Ctx_Offset",
+        "Coeff_Base_Pos_Ctx_Offset",
+        "Mag_Ref_Offset_With_Tx_Class",
+    ):
         file.table(name, "u8")
-    file.parts.append("// The specification prints -1 where a hash cannot occur; 255 here, so that"
-                      " a use would be\n// out of bounds.")
+    file.parts.append(
+        "// The specification prints -1 where a hash cannot occur; 255 here, so that"
+        " a use would be\n// out of bounds."
+    )
     file.table("Palette_Color_Context", "u8", never="255")
     file.table("Palette_Color_Hash_Multipliers", "u8")
     file.write(out / "contexts.rs")
 
 
 def arithmetic(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§7.9.3, §7.11.3.7 Reciprocals in fixed point; §5.11.57, §5.11.58 ranges"
-                    " of loop restoration coefficients.")
+    file = RustFile(
+        spec,
+        "§7.9.3, §7.11.3.7 Reciprocals in fixed point; §5.11.57, §5.11.58 ranges"
+        " of loop restoration coefficients.",
+    )
     file.table("Div_Mult", "u16")
     file.table("Div_Lut", "u16")
-    for name in ("Wiener_Taps_Mid", "Wiener_Taps_Min", "Wiener_Taps_Max", "Wiener_Taps_K",
-                 "Sgrproj_Xqd_Mid", "Sgrproj_Xqd_Min", "Sgrproj_Xqd_Max"):
+    for name in (
+        "Wiener_Taps_Mid",
+        "Wiener_Taps_Min",
+        "Wiener_Taps_Max",
+        "Wiener_Taps_K",
+        "Sgrproj_Xqd_Mid",
+        "Sgrproj_Xqd_Min",
+        "Sgrproj_Xqd_Max",
+    ):
         file.table(name, "i32")
     file.write(out / "arithmetic.rs")
 
@@ -317,26 +375,41 @@ SYMBOLS: list[tuple[str, list[str]]] = [
 
 # §3: the constants that the parser computes with, by the type it computes in.
 SECTION_3: list[tuple[str, str]] = [
-    ("u8", "DCT_DCT ADST_DCT DCT_ADST ADST_ADST FLIPADST_DCT DCT_FLIPADST FLIPADST_FLIPADST"
-           " ADST_FLIPADST FLIPADST_ADST IDTX V_DCT H_DCT V_ADST H_ADST V_FLIPADST H_FLIPADST"),
+    (
+        "u8",
+        "DCT_DCT ADST_DCT DCT_ADST ADST_ADST FLIPADST_DCT DCT_FLIPADST FLIPADST_FLIPADST"
+        " ADST_FLIPADST FLIPADST_ADST IDTX V_DCT H_DCT V_ADST H_ADST V_FLIPADST H_FLIPADST",
+    ),
     ("u8", "TX_CLASS_2D TX_CLASS_HORIZ TX_CLASS_VERT"),
     ("u8", "IDENTITY TRANSLATION ROTZOOM AFFINE"),
-    ("u8", "PRIMARY_REF_NONE MAX_ANGLE_DELTA DELTA_Q_SMALL DELTA_LF_SMALL MAX_LOOP_FILTER"
-           " MAX_VARTX_DEPTH MI_SIZE MI_SIZE_LOG2"),
-    ("usize", "REFS_PER_FRAME TOTAL_REFS_PER_FRAME NUM_REF_FRAMES MAX_SEGMENTS SEG_LVL_ALT_Q"
-              " SEG_LVL_ALT_LF_Y_V SEG_LVL_REF_FRAME SEG_LVL_SKIP SEG_LVL_GLOBALMV SEG_LVL_MAX"
-              " FRAME_LF_COUNT MV_CONTEXTS MV_INTRABC_CONTEXT COMP_NEWMV_CTXS PALETTE_COLORS"
-              " PALETTE_NUM_NEIGHBORS TX_TYPES INTRA_MODES TX_SET_TYPES_INTRA TX_SET_TYPES_INTER"
-              " MAX_REF_MV_STACK_SIZE MFMV_STACK_SIZE LEAST_SQUARES_SAMPLES_MAX"
-              " SIG_COEF_CONTEXTS SIG_COEF_CONTEXTS_2D SIG_COEF_CONTEXTS_EOB"
-              " SIG_REF_DIFF_OFFSET_NUM BR_CDF_SIZE COEFF_CDF_Q_CTXS"),
-    ("u32", "NUM_BASE_LEVELS COEFF_BASE_RANGE EC_PROB_SHIFT EC_MIN_PROB SUPERRES_NUM"
-            " SGRPROJ_PARAMS_BITS SGRPROJ_PRJ_SUBEXP_K SGRPROJ_PRJ_BITS RESTORATION_TILESIZE_MAX"
-            " REF_CAT_LEVEL"),
-    ("i32", "MV_BORDER REFMVS_LIMIT MAX_FRAME_DISTANCE MAX_OFFSET_WIDTH MAX_OFFSET_HEIGHT"
-            " INTRABC_DELAY_PIXELS INTRABC_DELAY_SB64 LS_MV_MAX WARPEDMODEL_PREC_BITS"
-            " WARPEDMODEL_TRANS_CLAMP WARPEDMODEL_NONDIAGAFFINE_CLAMP WARP_PARAM_REDUCE_BITS"
-            " DIV_LUT_BITS DIV_LUT_PREC_BITS DIV_LUT_NUM"),
+    (
+        "u8",
+        "PRIMARY_REF_NONE MAX_ANGLE_DELTA DELTA_Q_SMALL DELTA_LF_SMALL MAX_LOOP_FILTER"
+        " MAX_VARTX_DEPTH MI_SIZE MI_SIZE_LOG2",
+    ),
+    (
+        "usize",
+        "REFS_PER_FRAME TOTAL_REFS_PER_FRAME NUM_REF_FRAMES MAX_SEGMENTS SEG_LVL_ALT_Q"
+        " SEG_LVL_ALT_LF_Y_V SEG_LVL_REF_FRAME SEG_LVL_SKIP SEG_LVL_GLOBALMV SEG_LVL_MAX"
+        " FRAME_LF_COUNT MV_CONTEXTS MV_INTRABC_CONTEXT COMP_NEWMV_CTXS PALETTE_COLORS"
+        " PALETTE_NUM_NEIGHBORS TX_TYPES INTRA_MODES TX_SET_TYPES_INTRA TX_SET_TYPES_INTER"
+        " MAX_REF_MV_STACK_SIZE MFMV_STACK_SIZE LEAST_SQUARES_SAMPLES_MAX"
+        " SIG_COEF_CONTEXTS SIG_COEF_CONTEXTS_2D SIG_COEF_CONTEXTS_EOB"
+        " SIG_REF_DIFF_OFFSET_NUM BR_CDF_SIZE COEFF_CDF_Q_CTXS",
+    ),
+    (
+        "u32",
+        "NUM_BASE_LEVELS COEFF_BASE_RANGE EC_PROB_SHIFT EC_MIN_PROB SUPERRES_NUM"
+        " SGRPROJ_PARAMS_BITS SGRPROJ_PRJ_SUBEXP_K SGRPROJ_PRJ_BITS RESTORATION_TILESIZE_MAX"
+        " REF_CAT_LEVEL",
+    ),
+    (
+        "i32",
+        "MV_BORDER REFMVS_LIMIT MAX_FRAME_DISTANCE MAX_OFFSET_WIDTH MAX_OFFSET_HEIGHT"
+        " INTRABC_DELAY_PIXELS INTRABC_DELAY_SB64 LS_MV_MAX WARPEDMODEL_PREC_BITS"
+        " WARPEDMODEL_TRANS_CLAMP WARPEDMODEL_NONDIAGAFFINE_CLAMP WARP_PARAM_REDUCE_BITS"
+        " DIV_LUT_BITS DIV_LUT_PREC_BITS DIV_LUT_NUM",
+    ),
 ]
 
 
@@ -364,15 +437,23 @@ def default_cdfs(spec: Specification, out: Path) -> None:
         name for name in tables if spec.tables[name].dimensions[0].strip() == "COEFF_CDF_Q_CTXS"
     }
     for stem, title, chosen in (
-        ("default_cdfs", "modes, motion and sizes",
-         [name for name in tables if name not in of_coefficients]),
-        ("default_coef_cdfs", "transform coefficients, by quantiser class",
-         [name for name in tables if name in of_coefficients]),
+        (
+            "default_cdfs",
+            "modes, motion and sizes",
+            [name for name in tables if name not in of_coefficients],
+        ),
+        (
+            "default_coef_cdfs",
+            "transform coefficients, by quantiser class",
+            [name for name in tables if name in of_coefficients],
+        ),
     ):
         file = RustFile(spec, f"§9.4 Default CDFs of {title}, as printed.")
         for name in chosen:
             file.table(name, "u16")
-        file.parts.insert(0, '#![allow(clippy::large_const_arrays, reason = "read by const fn only")]\n')
+        file.parts.insert(
+            0, '#![allow(clippy::large_const_arrays, reason = "read by const fn only")]\n'
+        )
         file.write(out / f"{stem}.rs")
 
 

@@ -10,6 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from numpy.typing import NDArray
+
     from mvmatch.sources.base import FrameFacts
     from mvmatch.types import MotionField
 
@@ -27,6 +29,7 @@ class ReferenceStructure:
         self._inter_area = 0.0
         self._inter_picture_area = 0.0
         self._vectors_per_frame: dict[int, int] = {}
+        self._pairs: Counter[tuple[int, int]] = Counter()
 
     def watch(self, fields: Iterable[MotionField]) -> Iterable[MotionField]:
         """Pass fields through unchanged, counting them on the way."""
@@ -45,6 +48,7 @@ class ReferenceStructure:
             chosen = distance == value
             self._rows[int(value)] += int(chosen.sum())
             self._area[int(value)] += int(area[chosen].sum())
+            self._pairs[field.frame, field.frame - int(value)] += int(chosen.sum())
         # A compound block has one row per reference; its area counts once.
         _, first = np.unique(field.block, axis=0, return_index=True)
         self._inter_area += float(area[first].sum())
@@ -72,6 +76,15 @@ class ReferenceStructure:
     def vectors_per_frame(self) -> dict[int, int]:
         """Vectors per display index."""
         return dict(sorted(self._vectors_per_frame.items()))
+
+    def adjacency(self, num_frames: int) -> NDArray[np.int64]:
+        """(F, F) symmetric counts of vectors between two frames, before any tracking."""
+        counts = np.zeros((num_frames, num_frames), np.int64)
+        for (frame, reference), rows in self._pairs.items():
+            if max(frame, reference) < num_frames:
+                counts[frame, reference] += rows
+                counts[reference, frame] += rows
+        return counts
 
     def summary(self, frames: Sequence[FrameFacts]) -> dict[str, Any]:
         """Return the counts as plain numbers for reports (docs/reference/report-schema.md)."""
@@ -129,7 +142,7 @@ class ReferenceStructure:
         return found
 
 
-def _area_inside(field: MotionField) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _area_inside(field: MotionField) -> NDArray[np.int64]:
     """Area in px² of each block inside the picture."""
     block = field.block.astype(np.int64)
     right = np.minimum(block[:, 0] + block[:, 2], field.width)
