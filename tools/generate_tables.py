@@ -15,11 +15,19 @@ import operator
 import re
 import sys
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 OUT_DIR = Path(__file__).parent.parent / "crates" / "av1-motion" / "src" / "tables"
 LINE_LENGTH = 100
+NOTE = """//!
+//! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit.
+"""
+ALLOW_LARGE = '#![allow(clippy::large_const_arrays, reason = "read by const fn only")]\n'
 
 # File stem of a chapter -> its number in the published edition.
 CHAPTERS = {
@@ -36,11 +44,11 @@ HEADING = re.compile(r"^(#{2,6}) ", re.MULTILINE)
 SYMBOL_ROW = re.compile(r"^\| *`(\w+)` *\| *(.+?) *\|", re.MULTILINE)
 VALUE_ROW = re.compile(r"^\|(?:[^|]*\|)? *(-?\d+) *\| *([A-Z][A-Z0-9_]+) *(?:$|[|(])", re.MULTILINE)
 
-OPERATORS = {
+OPERATORS: dict[type[ast.operator], Callable[[int, int], int]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
-    ast.LShift: operator.lshift,
+    ast.LShift: lambda a, b: a << b,
 }
 
 
@@ -65,6 +73,16 @@ class Specification:
             text = (folder / f"{stem}.md").read_text(encoding="utf-8").replace("\\<", "<")
             self._read_constants(text, number)
             self._read_tables(text, number)
+        for name, source in (("Block_Width", "Wide"), ("Block_Height", "High")):
+            table = self.tables[f"Num_4x4_Blocks_{source}"]  # §9.3 defines it by this product
+            tokens = [f"4 * {token}" for token in table.tokens]
+            self.tables[name] = replace(table, name=name, tokens=tokens)
+        table = self.tables["Palette_Color_Context"]  # -1 stands for "never accessed"
+        tokens = ["255" if token == "-1" else token for token in table.tokens]
+        self.tables[table.name] = replace(table, tokens=tokens)
+        for name in self.constants:
+            if re.fullmatch(r"(NEAR|NEW|GLOBAL)\w*MV", name):
+                self.constants[name] -= 1  # see the title of `symbols`
 
     def _read_constants(self, text: str, chapter: int) -> None:
         rows = [(m, m[1], m[2]) for m in SYMBOL_ROW.finditer(text) if chapter == 3]
@@ -116,6 +134,7 @@ class Specification:
         return visit(ast.parse(expression.strip(), mode="eval").body)
 
     def shape(self, table: Table) -> list[int]:
+        """Evaluate the printed dimensions and check that the values fill them."""
         shape = [self.evaluate(dimension) for dimension in table.dimensions]
         if math.prod(shape) != len(table.tokens):
             raise SystemExit(f"{table.name}: {len(table.tokens)} values for shape {shape}")
@@ -123,7 +142,7 @@ class Specification:
 
 
 def section_at(text: str, position: int, chapter: int) -> str:
-    """Number of the section that contains `position`, counted from the headings before it."""
+    """Count the headings before `position`: the number of the section that contains it."""
     counters = [chapter, 0, 0, 0, 0]
     for heading in HEADING.finditer(text, 0, position):
         level = len(heading[1]) - 2
@@ -131,10 +150,6 @@ def section_at(text: str, position: int, chapter: int) -> str:
             counters[level] += 1
         counters[level + 1 :] = [0] * (len(counters) - level - 1)
     return ".".join(str(counter) for counter in counters if counter)
-
-
-def rust_name(name: str) -> str:
-    return name.upper()
 
 
 def rust_type(shape: list[int], element: str) -> str:
@@ -150,13 +165,7 @@ def rust_rows(values: list[str], shape: list[int], indent: int) -> str:
         flat = f"{pad}[{', '.join(values)}]"
         if len(flat) < LINE_LENGTH:
             return flat
-        inner = textwrap.fill(
-            ", ".join(values) + ",",
-            LINE_LENGTH,
-            initial_indent=pad + "    ",
-            subsequent_indent=pad + "    ",
-            break_long_words=False,
-        )
+        inner = wrapped(", ".join(values) + ",", pad + "    ")
         return f"{pad}[\n{inner}\n{pad}]"
     step = math.prod(shape[1:])
     parts = [
@@ -166,13 +175,8 @@ def rust_rows(values: list[str], shape: list[int], indent: int) -> str:
     if len(one_line) < LINE_LENGTH and "\n" not in one_line:
         return one_line
     if len(shape) == 2 and max(map(len, parts)) < LINE_LENGTH and "\n" not in "".join(parts):
-        inner = textwrap.fill(
-            "@".join(part.strip().replace(" ", "~") for part in parts).replace("@", ", ") + ",",
-            LINE_LENGTH,
-            initial_indent=pad + "    ",
-            subsequent_indent=pad + "    ",
-            break_long_words=False,
-        ).replace("~", " ")
+        kept = ["~".join(part.split()) for part in parts]
+        inner = wrapped(", ".join(kept) + ",", pad + "    ").replace("~", " ")
         return f"{pad}[\n{inner}\n{pad}]"
     return f"{pad}[\n" + ",\n".join(parts) + f",\n{pad}]"
 
@@ -180,281 +184,178 @@ def rust_rows(values: list[str], shape: list[int], indent: int) -> str:
 class RustFile:
     """Collects the items of one generated module, and what they take from its siblings."""
 
-    def __init__(self, spec: Specification, title: str, **homes: str) -> None:
-        """`homes` maps a sibling module to the pattern of the constants that live there."""
+    def __init__(self, spec: Specification) -> None:
         self.spec = spec
-        self.title = textwrap.fill(
-            title, LINE_LENGTH, initial_indent="//! ", subsequent_indent="//! "
-        )
-        self.homes = homes
-        self.uses: dict[str, set[str]] = {home: set() for home in homes}
+        self.title = ""
+        self.homes: dict[str, str] = {}
+        self.uses: dict[str, set[str]] = {}
         self.own: set[str] = set()
         self.parts: list[str] = []
 
-    def constants(self, element: str, names: list[str], offset: int = 0) -> None:
-        """One `const` per name, under the section that defines the first of them."""
-        for name in names:
-            section, value = self.spec.sections[name], self.spec.constants[name] + offset
-            self.own.add(name)
-            self.parts.append(f"/// §{section}\npub(crate) const {name}: {element} = {value:_};")
-        self.parts.append("")
+    def items(self, kind: str, element: str, patterns: list[str]) -> None:
+        """Add the constants or tables that match, in the order of the patterns."""
+        source = self.spec.constants if kind == "const" else self.spec.tables
+        for pattern in patterns:
+            names = [name for name in source if re.fullmatch(pattern, name)]
+            if not names:
+                raise SystemExit(f"nothing in the specification is called {pattern}")
+            if kind == "table":
+                for name in names:
+                    self._table(self.spec.tables[name], element)
+                continue
+            for name in sorted(names, key=self.spec.constants.__getitem__):
+                self.own.add(name)
+                item = f"pub(crate) const {name}: {element} = {self.spec.constants[name]:_};"
+                self.parts.append(f"/// §{self.spec.sections[name]}\n{item}")
+        if kind == "const":
+            self.parts.append("")
 
-    def value(self, token: str) -> str:
-        """The constant's name where this file defines or may import it, else the number."""
+    def _value(self, token: str) -> str:
+        """Give the constant's name where this file may use it, else its number."""
         if token in self.own:
             return token
         for home, pattern in self.homes.items():
             if re.fullmatch(pattern, token):
-                self.uses[home].add(token)
+                self.uses.setdefault(home, set()).add(token)
                 return token
         return str(self.spec.evaluate(token))
 
-    def table(self, name: str, element: str, *, never: str | None = None) -> None:
-        """The table as printed; `never` replaces the -1 of entries that are never accessed."""
-        table = self.spec.tables[name]
-        values = [self.value(token) for token in table.tokens]
-        if never is not None:
-            values = [never if value == "-1" else value for value in values]
-        self.array(name, table.section, values, self.spec.shape(table), element)
-
-    def array(
-        self, name: str, section: str, values: list[str], shape: list[int], element: str
-    ) -> None:
-        head = f"pub(crate) const {rust_name(name)}: {rust_type(shape, element)} ="
+    def _table(self, table: Table, element: str) -> None:
+        shape = self.spec.shape(table)
+        values = [self._value(token) for token in table.tokens]
+        head = f"pub(crate) const {table.name.upper()}: {rust_type(shape, element)} ="
         rows = rust_rows(values, shape, 0)
-        one_line = f"{head} {rows};"
-        if "\n" not in rows and len(one_line) > LINE_LENGTH:
-            one_line = f"{head}\n    {rows};"
-        self.parts.append(f"/// §{section} `{name}`\n#[rustfmt::skip]\n{one_line}\n")
+        item = f"{head} {rows};"
+        if "\n" not in rows and len(item) > LINE_LENGTH:
+            item = f"{head}\n    {rows};"
+        self.parts.append(f"/// §{table.section} `{table.name}`\n#[rustfmt::skip]\n{item}\n")
 
     def write(self, path: Path) -> None:
-        note = "//!\n//! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit."
-        head = [self.title, note, ""]
+        """Write title, imports and items, in this order."""
+        head = [wrapped(self.title.strip(), "//! "), NOTE]
+        if path.stem.endswith("_cdfs"):
+            head.append(ALLOW_LARGE)
         for home, names in self.uses.items():
-            block = textwrap.fill(
-                ", ".join(sorted(names)) + ",",
-                LINE_LENGTH,
-                initial_indent="    ",
-                subsequent_indent="    ",
-            )
+            block = wrapped(", ".join(sorted(names)) + ",", "    ")
             head.append(f"#[rustfmt::skip]\nuse super::{home}::{{\n{block}\n}};\n")
         path.write_text("\n".join(head + self.parts).rstrip() + "\n", encoding="utf-8")
 
 
-def numbered(spec: Specification, pattern: str) -> list[str]:
-    """Names of an enumeration's members, by value."""
-    names = [name for name in spec.constants if re.fullmatch(pattern, name)]
-    return sorted(names, key=spec.constants.__getitem__)
-
-
-def block_size(spec: Specification, out: Path) -> None:
-    file = RustFile(
-        spec,
-        "§6.10.4 Block sizes and partitions, and what follows from a block's size (§9.3).",
-        tx_size=r"TX_\d+X\d+",
+def wrapped(text: str, indent: str) -> str:
+    """Fill `text` up to the line length, each line after `indent`."""
+    return textwrap.fill(
+        text,
+        LINE_LENGTH,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
-    file.constants("u8", [*numbered(spec, r"BLOCK_\d+X\d+"), "BLOCK_INVALID"])
-    file.constants("usize", ["BLOCK_SIZES"])
-    file.constants("u8", numbered(spec, r"PARTITION_(?!CONTEXTS)\w+"))
-    for name in ("Mi_Width_Log2", "Mi_Height_Log2", "Num_4x4_Blocks_Wide", "Num_4x4_Blocks_High"):
-        file.table(name, "u8")
-    for name, source in (("Block_Width", "Wide"), ("Block_Height", "High")):
-        table = spec.tables[f"Num_4x4_Blocks_{source}"]
-        values = [str(4 * int(token)) for token in table.tokens]
-        file.array(name, table.section, values, [len(values)], "u8")
-    for name in (
-        "Size_Group",
-        "Max_Tx_Size_Rect",
-        "Max_Tx_Depth",
-        "Partition_Subsize",
-        "Subsampled_Size",
-        "Wedge_Bits",
-    ):
-        file.table(name, "u8")
-    file.write(out / "block_size.rs")
 
 
-def tx_size(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§6.10.16 Transform sizes and what follows from them (§9.3).")
-    file.constants("u8", numbered(spec, r"TX_\d+X\d+"))
-    file.constants("usize", ["TX_SIZES", "TX_SIZES_ALL"])
-    for name in (
-        "Split_Tx_Size",
-        "Tx_Size_Sqr",
-        "Tx_Size_Sqr_Up",
-        "Tx_Width",
-        "Tx_Height",
-        "Tx_Width_Log2",
-        "Tx_Height_Log2",
-        "Adjusted_Tx_Size",
-    ):
-        file.table(name, "u8")
-    file.write(out / "tx_size.rs")
+# What goes where. `const` lines hold names or patterns of constants, which come sorted by value;
+# `table` lines hold names of tables; both begin with the element type the parser computes in.
+# A `from` line lets a module name the constants of a sibling that match a pattern.
+MODULES = r"""
+module block_size
+title §6.10.4 Block sizes and partitions, and what follows from a block's size (§9.3).
+from tx_size TX_\d+X\d+
+const u8 BLOCK_\d+X\d+ BLOCK_INVALID
+const usize BLOCK_SIZES
+const u8 PARTITION_(?!CONTEXTS)\w+
+table u8 Mi_Width_Log2 Mi_Height_Log2 Num_4x4_Blocks_Wide Num_4x4_Blocks_High
+table u8 Block_Width Block_Height Size_Group Max_Tx_Size_Rect Max_Tx_Depth
+table u8 Partition_Subsize Subsampled_Size Wedge_Bits
+
+module tx_size
+title §6.10.16 Transform sizes and what follows from them (§9.3).
+const u8 TX_\d+X\d+
+const usize TX_SIZES TX_SIZES_ALL
+table u8 Split_Tx_Size Tx_Size_Sqr Tx_Size_Sqr_Up Tx_Width Tx_Height Tx_Width_Log2
+table u8 Tx_Height_Log2 Adjusted_Tx_Size
+
+module tx_type
+title §5.11.40, §5.11.47, §9.3 Which transform types a mode implies and a set contains.
+from symbols ((FLIP)?ADST|DCT|[VH])_((FLIP)?ADST|DCT)|IDTX
+table u8 Mode_To_Txfm Tx_Type_In_Set_Intra Tx_Type_In_Set_Inter
+table u8 Tx_Type_Intra_Inv_Set1 Tx_Type_Intra_Inv_Set2
+table u8 Tx_Type_Inter_Inv_Set1 Tx_Type_Inter_Inv_Set2 Tx_Type_Inter_Inv_Set3
+
+module contexts
+title §8.3.2, §9.3 Tables that choose the CDF of a syntax element.
+title `Palette_Color_Context` has 255 where -1 is printed for a hash that cannot occur.
+from symbols [A-Z0-9]+_PRED
+table u8 Intra_Mode_Context Compound_Mode_Ctx_Map Filter_Intra_Mode_To_Intra_Dir
+table u8 Sig_Ref_Diff_Offset Coeff_Base_Ctx_Offset Coeff_Base_Pos_Ctx_Offset
+table u8 Mag_Ref_Offset_With_Tx_Class Palette_Color_Context Palette_Color_Hash_Multipliers
+
+module arithmetic
+title §7.9.3, §7.11.3.7 Reciprocals in fixed point;
+title §5.11.57, §5.11.58 ranges of loop restoration coefficients.
+table u16 Div_Mult Div_Lut
+table i32 Wiener_Taps_Mid Wiener_Taps_Min Wiener_Taps_Max Wiener_Taps_K
+table i32 Sgrproj_Xqd_Mid Sgrproj_Xqd_Min Sgrproj_Xqd_Max
+
+module symbols
+title §3, §6.10 Named constants of the specification, grouped by meaning.
+title The inter modes are printed as 14 to 25, leaving 13 to `UV_CFL_PRED`; nothing computes with
+title their distance from the intra modes, and here they count from 13, as decoders print them.
+const u8 DC_PRED V_PRED H_PRED D\d+_PRED SMOOTH\w*_PRED PAETH_PRED UV_CFL_PRED
+const u8 (NEAR|NEW|GLOBAL)\w*MV
+const u8 FILTER_\w+_PRED
+const u8 II_\w+_PRED
+const u8 SIMPLE OBMC LOCALWARP
+const u8 COMPOUND_(WEDGE|DIFFWTD|AVERAGE|INTRA|DISTANCE)
+const u8 EIGHTTAP\w* BILINEAR SWITCHABLE
+const i8 NONE INTRA_FRAME (LAST|LAST2|LAST3|GOLDEN|BWDREF|ALTREF2|ALTREF)_FRAME
+const u8 SINGLE_REFERENCE COMPOUND_REFERENCE UNIDIR_COMP_REFERENCE BIDIR_COMP_REFERENCE
+const u8 MV_JOINT_\w+
+const u8 CFL_SIGN_\w+
+const u8 RESTORE_\w+
+const u8 TX_SET_DCTONLY TX_SET_INTRA_\d TX_SET_INTER_\d
+const u8 (DCT|ADST|FLIPADST)_(DCT|ADST|FLIPADST) IDTX [VH]_(DCT|ADST|FLIPADST)
+const u8 TX_CLASS_\w+
+const u8 IDENTITY TRANSLATION ROTZOOM AFFINE
+const u8 PRIMARY_REF_NONE MAX_ANGLE_DELTA DELTA_Q_SMALL DELTA_LF_SMALL MAX_LOOP_FILTER
+const u8 MAX_VARTX_DEPTH MI_SIZE MI_SIZE_LOG2
+const usize REFS_PER_FRAME TOTAL_REFS_PER_FRAME NUM_REF_FRAMES
+const usize MAX_SEGMENTS SEG_LVL_\w+ FRAME_LF_COUNT
+const usize MV_CONTEXTS MV_INTRABC_CONTEXT COMP_NEWMV_CTXS MAX_REF_MV_STACK_SIZE MFMV_STACK_SIZE
+const usize LEAST_SQUARES_SAMPLES_MAX PALETTE_COLORS PALETTE_NUM_NEIGHBORS
+const usize TX_TYPES INTRA_MODES TX_SET_TYPES_INTRA TX_SET_TYPES_INTER
+const usize SIG_COEF_CONTEXTS\w* SIG_REF_DIFF_OFFSET_NUM BR_CDF_SIZE COEFF_CDF_Q_CTXS
+const u32 NUM_BASE_LEVELS COEFF_BASE_RANGE EC_PROB_SHIFT EC_MIN_PROB REF_CAT_LEVEL SUPERRES_NUM
+const u32 SGRPROJ_PARAMS_BITS SGRPROJ_PRJ_SUBEXP_K SGRPROJ_PRJ_BITS RESTORATION_TILESIZE_MAX
+const i32 MV_BORDER REFMVS_LIMIT MAX_FRAME_DISTANCE MAX_OFFSET_WIDTH MAX_OFFSET_HEIGHT
+const i32 INTRABC_DELAY_PIXELS INTRABC_DELAY_SB64 LS_MV_MAX WARPEDMODEL_PREC_BITS
+const i32 WARPEDMODEL_TRANS_CLAMP WARPEDMODEL_NONDIAGAFFINE_CLAMP WARP_PARAM_REDUCE_BITS
+const i32 DIV_LUT_BITS DIV_LUT_PREC_BITS DIV_LUT_NUM
+
+module default_cdfs
+title §9.4 Default CDFs of modes, motion and sizes, as printed.
+table u16 Default_(?!Txb_Skip|Eob|Dc_Sign|Coeff)\w+_Cdf
+
+module default_coef_cdfs
+title §9.4 Default CDFs of transform coefficients by quantiser class, as printed.
+table u16 Default_(Txb_Skip|Eob|Dc_Sign|Coeff)\w*_Cdf
+"""
 
 
-def tx_type(spec: Specification, out: Path) -> None:
-    file = RustFile(
-        spec,
-        "§5.11.40, §5.11.47, §9.3 Which transform types a mode implies and a set contains.",
-        symbols=r"[A-Z]*DCT[A-Z_]*|[A-Z]*ADST[A-Z_]*|IDTX|[VH]_\w+",
-    )
-    for name in (
-        "Mode_To_Txfm",
-        "Tx_Type_In_Set_Intra",
-        "Tx_Type_In_Set_Inter",
-        "Tx_Type_Intra_Inv_Set1",
-        "Tx_Type_Intra_Inv_Set2",
-        "Tx_Type_Inter_Inv_Set1",
-        "Tx_Type_Inter_Inv_Set2",
-        "Tx_Type_Inter_Inv_Set3",
-    ):
-        file.table(name, "u8")
-    file.write(out / "tx_type.rs")
-
-
-def contexts(spec: Specification, out: Path) -> None:
-    file = RustFile(
-        spec,
-        "§8.3.2, §9.3 Tables that choose the CDF of a syntax element.",
-        symbols=r"[A-Z0-9]+_PRED",
-    )
-    for name in (
-        "Intra_Mode_Context",
-        "Compound_Mode_Ctx_Map",
-        "Filter_Intra_Mode_To_Intra_Dir",
-        "Sig_Ref_Diff_Offset",
-        "Coeff_Base_Ctx_Offset",
-        "Coeff_Base_Pos_Ctx_Offset",
-        "Mag_Ref_Offset_With_Tx_Class",
-    ):
-        file.table(name, "u8")
-    file.parts.append(
-        "// The specification prints -1 where a hash cannot occur; 255 here, so that"
-        " a use would be\n// out of bounds."
-    )
-    file.table("Palette_Color_Context", "u8", never="255")
-    file.table("Palette_Color_Hash_Multipliers", "u8")
-    file.write(out / "contexts.rs")
-
-
-def arithmetic(spec: Specification, out: Path) -> None:
-    file = RustFile(
-        spec,
-        "§7.9.3, §7.11.3.7 Reciprocals in fixed point; §5.11.57, §5.11.58 ranges"
-        " of loop restoration coefficients.",
-    )
-    file.table("Div_Mult", "u16")
-    file.table("Div_Lut", "u16")
-    for name in (
-        "Wiener_Taps_Mid",
-        "Wiener_Taps_Min",
-        "Wiener_Taps_Max",
-        "Wiener_Taps_K",
-        "Sgrproj_Xqd_Mid",
-        "Sgrproj_Xqd_Min",
-        "Sgrproj_Xqd_Max",
-    ):
-        file.table(name, "i32")
-    file.write(out / "arithmetic.rs")
-
-
-SYMBOLS: list[tuple[str, list[str]]] = [
-    ("u8", [r"[DV]\d*_PRED|H_PRED|D\d+_PRED|SMOOTH\w*_PRED|PAETH_PRED|DC_PRED|UV_CFL_PRED"]),
-    ("u8", [r"FILTER_\w+_PRED"]),
-    ("u8", [r"II_\w+_PRED"]),
-    ("u8", ["SIMPLE|OBMC|LOCALWARP"]),
-    ("u8", [r"COMPOUND_(WEDGE|DIFFWTD|AVERAGE|INTRA|DISTANCE)"]),
-    ("u8", [r"EIGHTTAP\w*|BILINEAR|SWITCHABLE"]),
-    ("i8", [r"NONE|INTRA_FRAME|(LAST|LAST2|LAST3|GOLDEN|BWDREF|ALTREF2|ALTREF)_FRAME"]),
-    ("u8", [r"(SINGLE|COMPOUND|UNIDIR_COMP|BIDIR_COMP)_REFERENCE"]),
-    ("u8", [r"MV_JOINT_\w+"]),
-    ("u8", [r"CFL_SIGN_\w+"]),
-    ("u8", [r"RESTORE_\w+"]),
-    ("u8", [r"TX_SET_(DCTONLY|INTRA_\d|INTER_\d)"]),
-]
-
-# §3: the constants that the parser computes with, by the type it computes in.
-SECTION_3: list[tuple[str, str]] = [
-    (
-        "u8",
-        "DCT_DCT ADST_DCT DCT_ADST ADST_ADST FLIPADST_DCT DCT_FLIPADST FLIPADST_FLIPADST"
-        " ADST_FLIPADST FLIPADST_ADST IDTX V_DCT H_DCT V_ADST H_ADST V_FLIPADST H_FLIPADST",
-    ),
-    ("u8", "TX_CLASS_2D TX_CLASS_HORIZ TX_CLASS_VERT"),
-    ("u8", "IDENTITY TRANSLATION ROTZOOM AFFINE"),
-    (
-        "u8",
-        "PRIMARY_REF_NONE MAX_ANGLE_DELTA DELTA_Q_SMALL DELTA_LF_SMALL MAX_LOOP_FILTER"
-        " MAX_VARTX_DEPTH MI_SIZE MI_SIZE_LOG2",
-    ),
-    (
-        "usize",
-        "REFS_PER_FRAME TOTAL_REFS_PER_FRAME NUM_REF_FRAMES MAX_SEGMENTS SEG_LVL_ALT_Q"
-        " SEG_LVL_ALT_LF_Y_V SEG_LVL_REF_FRAME SEG_LVL_SKIP SEG_LVL_GLOBALMV SEG_LVL_MAX"
-        " FRAME_LF_COUNT MV_CONTEXTS MV_INTRABC_CONTEXT COMP_NEWMV_CTXS PALETTE_COLORS"
-        " PALETTE_NUM_NEIGHBORS TX_TYPES INTRA_MODES TX_SET_TYPES_INTRA TX_SET_TYPES_INTER"
-        " MAX_REF_MV_STACK_SIZE MFMV_STACK_SIZE LEAST_SQUARES_SAMPLES_MAX"
-        " SIG_COEF_CONTEXTS SIG_COEF_CONTEXTS_2D SIG_COEF_CONTEXTS_EOB"
-        " SIG_REF_DIFF_OFFSET_NUM BR_CDF_SIZE COEFF_CDF_Q_CTXS",
-    ),
-    (
-        "u32",
-        "NUM_BASE_LEVELS COEFF_BASE_RANGE EC_PROB_SHIFT EC_MIN_PROB SUPERRES_NUM"
-        " SGRPROJ_PARAMS_BITS SGRPROJ_PRJ_SUBEXP_K SGRPROJ_PRJ_BITS RESTORATION_TILESIZE_MAX"
-        " REF_CAT_LEVEL",
-    ),
-    (
-        "i32",
-        "MV_BORDER REFMVS_LIMIT MAX_FRAME_DISTANCE MAX_OFFSET_WIDTH MAX_OFFSET_HEIGHT"
-        " INTRABC_DELAY_PIXELS INTRABC_DELAY_SB64 LS_MV_MAX WARPEDMODEL_PREC_BITS"
-        " WARPEDMODEL_TRANS_CLAMP WARPEDMODEL_NONDIAGAFFINE_CLAMP WARP_PARAM_REDUCE_BITS"
-        " DIV_LUT_BITS DIV_LUT_PREC_BITS DIV_LUT_NUM",
-    ),
-]
-
-
-def symbols(spec: Specification, out: Path) -> None:
-    file = RustFile(spec, "§3, §6.10 Named constants of the specification, grouped by meaning.")
-    for element, patterns in SYMBOLS:
-        for pattern in patterns:
-            names = numbered(spec, pattern)
-            if not names:
-                raise SystemExit(f"no constant matches {pattern}")
-            file.constants(element, names)
-    file.parts.append(
-        "// §6.10.22 prints the inter modes as 14 to 25, leaving 13 to UV_CFL_PRED. Nothing computes"
-        "\n// with their distance from the intra modes; numbered from 13 here, as decoders print them."
-    )
-    file.constants("u8", numbered(spec, r"(NEAR|NEW|GLOBAL)\w*MV"), offset=-1)
-    for element, names in SECTION_3:
-        file.constants(element, names.split())
-    file.write(out / "symbols.rs")
-
-
-def default_cdfs(spec: Specification, out: Path) -> None:
-    tables = [name for name in spec.tables if re.fullmatch(r"Default_\w+_Cdf", name)]
-    of_coefficients = {
-        name for name in tables if spec.tables[name].dimensions[0].strip() == "COEFF_CDF_Q_CTXS"
-    }
-    for stem, title, chosen in (
-        (
-            "default_cdfs",
-            "modes, motion and sizes",
-            [name for name in tables if name not in of_coefficients],
-        ),
-        (
-            "default_coef_cdfs",
-            "transform coefficients, by quantiser class",
-            [name for name in tables if name in of_coefficients],
-        ),
-    ):
-        file = RustFile(spec, f"§9.4 Default CDFs of {title}, as printed.")
-        for name in chosen:
-            file.table(name, "u16")
-        file.parts.insert(
-            0, '#![allow(clippy::large_const_arrays, reason = "read by const fn only")]\n'
-        )
-        file.write(out / f"{stem}.rs")
+def write_module(spec: Specification, out: Path, description: str) -> None:
+    """Write the file that one paragraph of `MODULES` describes."""
+    file = RustFile(spec)
+    name, *lines = description.splitlines()
+    for line in lines:
+        key, rest = line.split(maxsplit=1)
+        if key == "title":
+            file.title += f" {rest}"
+        elif key == "from":
+            home, pattern = rest.split()
+            file.homes[home] = pattern
+        else:
+            element, *patterns = rest.split()
+            file.items(key, element, patterns)
+    file.write(out / f"{name.removeprefix('module ')}.rs")
 
 
 def main() -> None:
@@ -463,8 +364,8 @@ def main() -> None:
     spec = Specification(Path(sys.argv[1]))
     out = Path(sys.argv[2]) if len(sys.argv) == 3 else OUT_DIR
     out.mkdir(parents=True, exist_ok=True)
-    for write in (block_size, tx_size, tx_type, contexts, arithmetic, symbols, default_cdfs):
-        write(spec, out)
+    for description in MODULES.strip().split("\n\n"):
+        write_module(spec, out, description)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,12 @@
 //! The specification copies sets by name: defaults to current, current to "Tile", "Tile" to
 //! "Saved", and both ways between current and a reference slot. Here each of these is a `clone`.
 
+#[allow(clippy::wildcard_imports, reason = "one name per alphabet size")]
 use super::cdf::*;
+#[allow(
+    clippy::wildcard_imports,
+    reason = "one name per CDF array of the specification"
+)]
 use crate::tables::{default_cdfs::*, default_coef_cdfs::*};
 
 /// Declares a struct of distributions together with its defaults, so that neither the defaults nor

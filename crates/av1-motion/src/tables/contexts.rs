@@ -1,4 +1,5 @@
-//! §8.3.2, §9.3 Tables that choose the CDF of a syntax element.
+//! §8.3.2, §9.3 Tables that choose the CDF of a syntax element. `Palette_Color_Context` has 255
+//! where -1 is printed for a hash that cannot occur.
 //!
 //! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit.
 
@@ -116,8 +117,6 @@ pub(crate) const COEFF_BASE_POS_CTX_OFFSET: [u8; 3] = [26, 31, 36];
 pub(crate) const MAG_REF_OFFSET_WITH_TX_CLASS: [[[u8; 2]; 3]; 3] =
     [[[0, 1], [1, 0], [1, 1]], [[0, 1], [1, 0], [0, 2]], [[0, 1], [1, 0], [2, 0]]];
 
-// The specification prints -1 where a hash cannot occur; 255 here, so that a use would be
-// out of bounds.
 /// §9.3 `Palette_Color_Context`
 #[rustfmt::skip]
 pub(crate) const PALETTE_COLOR_CONTEXT: [u8; 9] = [255, 255, 0, 255, 255, 4, 3, 2, 1];

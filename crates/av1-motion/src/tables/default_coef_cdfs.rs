@@ -1,4 +1,4 @@
-//! §9.4 Default CDFs of transform coefficients, by quantiser class, as printed.
+//! §9.4 Default CDFs of transform coefficients by quantiser class, as printed.
 //!
 //! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit.
 

@@ -1,4 +1,6 @@
-//! §3, §6.10 Named constants of the specification, grouped by meaning.
+//! §3, §6.10 Named constants of the specification, grouped by meaning. The inter modes are printed
+//! as 14 to 25, leaving 13 to `UV_CFL_PRED`; nothing computes with their distance from the intra
+//! modes, and here they count from 13, as decoders print them.
 //!
 //! Generated from the AV1 specification by `tools/generate_tables.py`; do not edit.
 
@@ -30,6 +32,31 @@ pub(crate) const SMOOTH_H_PRED: u8 = 11;
 pub(crate) const PAETH_PRED: u8 = 12;
 /// §6.10.6
 pub(crate) const UV_CFL_PRED: u8 = 13;
+
+/// §6.10.22
+pub(crate) const NEARESTMV: u8 = 13;
+/// §6.10.22
+pub(crate) const NEARMV: u8 = 14;
+/// §6.10.22
+pub(crate) const GLOBALMV: u8 = 15;
+/// §6.10.22
+pub(crate) const NEWMV: u8 = 16;
+/// §6.10.22
+pub(crate) const NEAREST_NEARESTMV: u8 = 17;
+/// §6.10.22
+pub(crate) const NEAR_NEARMV: u8 = 18;
+/// §6.10.22
+pub(crate) const NEAREST_NEWMV: u8 = 19;
+/// §6.10.22
+pub(crate) const NEW_NEARESTMV: u8 = 20;
+/// §6.10.22
+pub(crate) const NEAR_NEWMV: u8 = 21;
+/// §6.10.22
+pub(crate) const NEW_NEARMV: u8 = 22;
+/// §6.10.22
+pub(crate) const GLOBAL_GLOBALMV: u8 = 23;
+/// §6.10.22
+pub(crate) const NEW_NEWMV: u8 = 24;
 
 /// §6.10.23
 pub(crate) const FILTER_DC_PRED: u8 = 0;
@@ -102,9 +129,9 @@ pub(crate) const ALTREF_FRAME: i8 = 7;
 /// §6.10.24
 pub(crate) const SINGLE_REFERENCE: u8 = 0;
 /// §6.10.24
-pub(crate) const UNIDIR_COMP_REFERENCE: u8 = 0;
-/// §6.10.24
 pub(crate) const COMPOUND_REFERENCE: u8 = 1;
+/// §6.10.24
+pub(crate) const UNIDIR_COMP_REFERENCE: u8 = 0;
 /// §6.10.24
 pub(crate) const BIDIR_COMP_REFERENCE: u8 = 1;
 
@@ -138,40 +165,13 @@ pub(crate) const TX_SET_DCTONLY: u8 = 0;
 /// §6.10.19
 pub(crate) const TX_SET_INTRA_1: u8 = 1;
 /// §6.10.19
-pub(crate) const TX_SET_INTER_1: u8 = 1;
-/// §6.10.19
 pub(crate) const TX_SET_INTRA_2: u8 = 2;
+/// §6.10.19
+pub(crate) const TX_SET_INTER_1: u8 = 1;
 /// §6.10.19
 pub(crate) const TX_SET_INTER_2: u8 = 2;
 /// §6.10.19
 pub(crate) const TX_SET_INTER_3: u8 = 3;
-
-// §6.10.22 prints the inter modes as 14 to 25, leaving 13 to UV_CFL_PRED. Nothing computes
-// with their distance from the intra modes; numbered from 13 here, as decoders print them.
-/// §6.10.22
-pub(crate) const NEARESTMV: u8 = 13;
-/// §6.10.22
-pub(crate) const NEARMV: u8 = 14;
-/// §6.10.22
-pub(crate) const GLOBALMV: u8 = 15;
-/// §6.10.22
-pub(crate) const NEWMV: u8 = 16;
-/// §6.10.22
-pub(crate) const NEAREST_NEARESTMV: u8 = 17;
-/// §6.10.22
-pub(crate) const NEAR_NEARMV: u8 = 18;
-/// §6.10.22
-pub(crate) const NEAREST_NEWMV: u8 = 19;
-/// §6.10.22
-pub(crate) const NEW_NEARESTMV: u8 = 20;
-/// §6.10.22
-pub(crate) const NEAR_NEWMV: u8 = 21;
-/// §6.10.22
-pub(crate) const NEW_NEARMV: u8 = 22;
-/// §6.10.22
-pub(crate) const GLOBAL_GLOBALMV: u8 = 23;
-/// §6.10.22
-pub(crate) const NEW_NEWMV: u8 = 24;
 
 /// §3
 pub(crate) const DCT_DCT: u8 = 0;
@@ -232,6 +232,7 @@ pub(crate) const DELTA_Q_SMALL: u8 = 3;
 pub(crate) const DELTA_LF_SMALL: u8 = 3;
 /// §3
 pub(crate) const MAX_LOOP_FILTER: u8 = 63;
+
 /// §3
 pub(crate) const MAX_VARTX_DEPTH: u8 = 2;
 /// §3
@@ -245,6 +246,7 @@ pub(crate) const REFS_PER_FRAME: usize = 7;
 pub(crate) const TOTAL_REFS_PER_FRAME: usize = 8;
 /// §3
 pub(crate) const NUM_REF_FRAMES: usize = 8;
+
 /// §3
 pub(crate) const MAX_SEGMENTS: usize = 8;
 /// §3
@@ -261,6 +263,7 @@ pub(crate) const SEG_LVL_GLOBALMV: usize = 7;
 pub(crate) const SEG_LVL_MAX: usize = 8;
 /// §3
 pub(crate) const FRAME_LF_COUNT: usize = 4;
+
 /// §3
 pub(crate) const MV_CONTEXTS: usize = 2;
 /// §3
@@ -268,9 +271,17 @@ pub(crate) const MV_INTRABC_CONTEXT: usize = 1;
 /// §3
 pub(crate) const COMP_NEWMV_CTXS: usize = 5;
 /// §3
+pub(crate) const MAX_REF_MV_STACK_SIZE: usize = 8;
+/// §3
+pub(crate) const MFMV_STACK_SIZE: usize = 3;
+
+/// §3
+pub(crate) const LEAST_SQUARES_SAMPLES_MAX: usize = 8;
+/// §3
 pub(crate) const PALETTE_COLORS: usize = 8;
 /// §3
 pub(crate) const PALETTE_NUM_NEIGHBORS: usize = 3;
+
 /// §3
 pub(crate) const TX_TYPES: usize = 16;
 /// §3
@@ -279,18 +290,13 @@ pub(crate) const INTRA_MODES: usize = 13;
 pub(crate) const TX_SET_TYPES_INTRA: usize = 3;
 /// §3
 pub(crate) const TX_SET_TYPES_INTER: usize = 4;
+
 /// §3
-pub(crate) const MAX_REF_MV_STACK_SIZE: usize = 8;
-/// §3
-pub(crate) const MFMV_STACK_SIZE: usize = 3;
-/// §3
-pub(crate) const LEAST_SQUARES_SAMPLES_MAX: usize = 8;
-/// §3
-pub(crate) const SIG_COEF_CONTEXTS: usize = 42;
+pub(crate) const SIG_COEF_CONTEXTS_EOB: usize = 4;
 /// §3
 pub(crate) const SIG_COEF_CONTEXTS_2D: usize = 26;
 /// §3
-pub(crate) const SIG_COEF_CONTEXTS_EOB: usize = 4;
+pub(crate) const SIG_COEF_CONTEXTS: usize = 42;
 /// §3
 pub(crate) const SIG_REF_DIFF_OFFSET_NUM: usize = 5;
 /// §3
@@ -307,7 +313,10 @@ pub(crate) const EC_PROB_SHIFT: u32 = 6;
 /// §3
 pub(crate) const EC_MIN_PROB: u32 = 4;
 /// §3
+pub(crate) const REF_CAT_LEVEL: u32 = 640;
+/// §3
 pub(crate) const SUPERRES_NUM: u32 = 8;
+
 /// §3
 pub(crate) const SGRPROJ_PARAMS_BITS: u32 = 4;
 /// §3
@@ -316,8 +325,6 @@ pub(crate) const SGRPROJ_PRJ_SUBEXP_K: u32 = 4;
 pub(crate) const SGRPROJ_PRJ_BITS: u32 = 7;
 /// §3
 pub(crate) const RESTORATION_TILESIZE_MAX: u32 = 256;
-/// §3
-pub(crate) const REF_CAT_LEVEL: u32 = 640;
 
 /// §3
 pub(crate) const MV_BORDER: i32 = 128;
@@ -329,6 +336,7 @@ pub(crate) const MAX_FRAME_DISTANCE: i32 = 31;
 pub(crate) const MAX_OFFSET_WIDTH: i32 = 8;
 /// §3
 pub(crate) const MAX_OFFSET_HEIGHT: i32 = 0;
+
 /// §3
 pub(crate) const INTRABC_DELAY_PIXELS: i32 = 256;
 /// §3
@@ -337,12 +345,14 @@ pub(crate) const INTRABC_DELAY_SB64: i32 = 4;
 pub(crate) const LS_MV_MAX: i32 = 256;
 /// §3
 pub(crate) const WARPEDMODEL_PREC_BITS: i32 = 16;
+
 /// §3
 pub(crate) const WARPEDMODEL_TRANS_CLAMP: i32 = 8_388_608;
 /// §3
 pub(crate) const WARPEDMODEL_NONDIAGAFFINE_CLAMP: i32 = 8_192;
 /// §3
 pub(crate) const WARP_PARAM_REDUCE_BITS: i32 = 6;
+
 /// §3
 pub(crate) const DIV_LUT_BITS: i32 = 8;
 /// §3
