@@ -4,6 +4,9 @@
 
 pub(crate) mod arithmetic;
 pub(crate) mod block_size;
+#[cfg(test)]
+#[allow(clippy::wildcard_imports, reason = "speaks about nearly every table")]
+mod checks;
 pub(crate) mod contexts;
 pub(crate) mod default_cdfs;
 pub(crate) mod default_coef_cdfs;
