@@ -1,2 +1,25 @@
 //! Motion fields in, point tracks out.
+//!
+//! The crate knows blocks, vectors and frame numbers; no codec, no container, no I/O. A [`Field`]
+//! holds the vectors of one coded frame, a [`Linker`] takes fields in decode order and chains them
+//! into [`Tracks`], and [`fit_neighbors`] tells how well each vector agrees with those around it.
+//!
+//! Coordinates are pixels, `[x, y]`, origin at the upper-left picture corner, so the first pixel's
+//! centre is (0.5, 0.5). A vector leads from the current frame into its reference:
+//! `xy_in_reference = xy_in_current + mv`. Frames are display indices. Everything is deterministic.
 #![forbid(unsafe_code)]
+
+mod chain;
+mod cover;
+mod field;
+mod filter;
+mod link;
+mod motion;
+mod neighbors;
+mod tracks;
+
+pub use field::{Field, FieldError};
+pub use filter::{FitOptions, LocalFit, fit_neighbors};
+pub use link::{LinkOptions, Linker};
+pub use motion::{Carry, Cosine, Follow};
+pub use tracks::Tracks;

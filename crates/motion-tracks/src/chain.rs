@@ -1,0 +1,266 @@
+//! The walk over the frames: points arrive, are thinned, and are carried on.
+
+use std::collections::BTreeMap;
+
+use crate::cover::Cover;
+use crate::field::center;
+use crate::link::{Layer, LinkOptions};
+use crate::motion::Follow;
+use crate::tracks::{Observation, Tracks};
+
+/// A point that has reached a frame.
+#[derive(Clone, Copy, Debug)]
+struct Head {
+    track: u32,
+    xy: [f32; 2],
+    /// Step that led here, as motion towards the past; none for a seed.
+    step: Option<[f32; 2]>,
+    /// Whether the observation is already part of the track.
+    settled: bool,
+}
+
+/// Marks the end of a track's list of observations, and a cell without a track.
+const NONE: u32 = u32::MAX;
+
+/// What is known of a track while it grows.
+#[derive(Clone, Copy, Debug)]
+struct Growth {
+    length: u32,
+    /// Smallest frame so far: anything below it is new without looking.
+    first_frame: i32,
+    /// Newest observation.
+    last: u32,
+}
+
+/// State of the walk.
+pub(crate) struct Chain {
+    options: LinkOptions,
+    observations: Vec<Observation>,
+    /// Observation before each one in the same track.
+    previous: Vec<u32>,
+    growth: Vec<Growth>,
+    /// Points that wait for their frame's turn, by display index.
+    pending: BTreeMap<i32, Vec<Head>>,
+    /// Cells taken in frames that come up once more.
+    taken: BTreeMap<i32, Vec<bool>>,
+}
+
+impl Chain {
+    pub(crate) fn new(options: LinkOptions) -> Self {
+        Self {
+            options,
+            observations: Vec::new(),
+            previous: Vec::new(),
+            growth: Vec::new(),
+            pending: BTreeMap::new(),
+            taken: BTreeMap::new(),
+        }
+    }
+
+    /// Handles one coded frame; `again` tells that one decoded earlier has the same display index.
+    pub(crate) fn visit(&mut self, layer: &Layer, cover: &Cover, seeds: &[[f32; 2]], again: bool) {
+        let arrivals = self.pending.remove(&layer.frame).unwrap_or_default();
+        let mut cells = Cells::new(self.options.cell, layer.width, layer.height);
+        if let Some(taken) = self.taken.remove(&layer.frame) {
+            cells.taken = taken;
+        }
+        let mut heads = self.settle(layer.frame, arrivals, &mut cells);
+        heads.extend(self.seed(layer.frame, seeds, &mut cells));
+        for head in heads {
+            if !self.carry(layer, cover, &head) && again {
+                self.pending.entry(layer.frame).or_default().push(head);
+            }
+        }
+        if again {
+            self.taken.insert(layer.frame, cells.taken);
+        }
+    }
+
+    /// Turns arrivals into observations: in every free cell the longest track, then the older one.
+    fn settle(&mut self, frame: i32, mut arrivals: Vec<Head>, cells: &mut Cells) -> Vec<Head> {
+        arrivals.retain(|head| head.settled || self.is_new(head.track, frame));
+        let length = |head: &Head| self.growth[head.track as usize].length;
+        arrivals.sort_by_key(|head| (!head.settled, std::cmp::Reverse(length(head)), head.track));
+        // Sorted this way the first to ask for a cell has the best claim.
+        arrivals.retain_mut(|head| {
+            if !head.settled && self.is_new(head.track, frame) && cells.claim(head.xy) {
+                self.observe(head.track, frame, head.xy);
+                head.settled = true;
+            }
+            head.settled
+        });
+        arrivals
+    }
+
+    /// Starts a track in every cell that is still free.
+    fn seed(&mut self, frame: i32, seeds: &[[f32; 2]], cells: &mut Cells) -> Vec<Head> {
+        let mut heads = Vec::new();
+        for &xy in seeds {
+            if !cells.contains(xy) || !cells.claim(xy) {
+                continue;
+            }
+            let Ok(track) = u32::try_from(self.growth.len()) else {
+                break;
+            };
+            self.growth.push(Growth {
+                length: 0,
+                first_frame: i32::MAX,
+                last: NONE,
+            });
+            self.observe(track, frame, xy);
+            heads.push(Head {
+                track,
+                xy,
+                step: None,
+                settled: true,
+            });
+        }
+        heads
+    }
+
+    fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2]) {
+        let growth = &mut self.growth[track as usize];
+        self.observations.push(Observation { track, frame, xy });
+        self.previous.push(growth.last);
+        growth.last =
+            u32::try_from(self.observations.len() - 1).expect("fewer than 2^32 observations");
+        growth.length += 1;
+        growth.first_frame = growth.first_frame.min(frame);
+    }
+
+    /// Whether a track has not been seen in a frame yet.
+    fn is_new(&self, track: u32, frame: i32) -> bool {
+        let growth = &self.growth[track as usize];
+        if frame < growth.first_frame {
+            return true;
+        }
+        let mut at = growth.last;
+        while at != NONE {
+            if self.observations[at as usize].frame == frame {
+                return false;
+            }
+            at = self.previous[at as usize];
+        }
+        true
+    }
+
+    /// Moves a point into the references of the block that covers it; false if there is no vector.
+    fn carry(&mut self, layer: &Layer, cover: &Cover, head: &Head) -> bool {
+        let nearest = |&row: &usize| {
+            let reference = layer.references[row];
+            (
+                reference.abs_diff(layer.frame),
+                reference > layer.frame,
+                row,
+            )
+        };
+        match self.options.follow {
+            Follow::Nearest => {
+                let Some(row) = cover.rows_at(head.xy).min_by_key(nearest) else {
+                    return false;
+                };
+                self.step(layer, row, head);
+                true
+            }
+            Follow::All => {
+                let mut covered = false;
+                for row in cover.rows_at(head.xy) {
+                    self.step(layer, row, head);
+                    covered = true;
+                }
+                covered
+            }
+        }
+    }
+
+    fn step(&mut self, layer: &Layer, row: usize, head: &Head) {
+        let middle = center(layer.blocks[row]);
+        let moved = layer
+            .motion(row)
+            .at([head.xy[0] - middle[0], head.xy[1] - middle[1]]);
+        let xy = [head.xy[0] + moved[0], head.xy[1] + moved[1]];
+        if !inside(xy, layer.width, layer.height) {
+            return;
+        }
+        let reference = layer.references[row];
+        let sign = if reference < layer.frame { 1.0 } else { -1.0 };
+        let step = moved.map(|component| component * sign);
+        let agrees = match (self.options.cosine, head.step) {
+            (Some(cosine), Some(previous)) => cosine.accepts(previous, step),
+            _ => true,
+        };
+        if agrees {
+            let arrival = Head {
+                track: head.track,
+                xy,
+                step: Some(step),
+                settled: false,
+            };
+            self.pending.entry(reference).or_default().push(arrival);
+        }
+    }
+
+    /// Settles the points that wait for frames that never came, newest frame first, and groups.
+    pub(crate) fn finish(mut self, width: u32, height: u32) -> Tracks {
+        while let Some((frame, arrivals)) = self.pending.pop_last() {
+            let mut cells = Cells::new(self.options.cell, width, height);
+            self.settle(frame, arrivals, &mut cells);
+        }
+        let tracks = u32::try_from(self.growth.len()).expect("tracks are numbered in 32 bits");
+        Tracks::collect(&self.observations, tracks, self.options.min_length)
+    }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "pictures are at most 2^16 px wide and high"
+)]
+fn inside([x, y]: [f32; 2], width: u32, height: u32) -> bool {
+    x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32
+}
+
+/// Square cells of one frame that hold at most one track each; without a side nothing is limited.
+struct Cells {
+    side: Option<u32>,
+    width: u32,
+    height: u32,
+    taken: Vec<bool>,
+}
+
+impl Cells {
+    fn new(side: Option<u32>, width: u32, height: u32) -> Self {
+        let side = side.map(|side| side.max(1));
+        let count = side.map_or(0, |side| {
+            width.div_ceil(side) as usize * height.div_ceil(side) as usize
+        });
+        Self {
+            side,
+            width,
+            height,
+            taken: vec![false; count],
+        }
+    }
+
+    fn contains(&self, xy: [f32; 2]) -> bool {
+        inside(xy, self.width, self.height)
+    }
+
+    /// Takes the cell at `xy`; false if it was taken. Points outside the picture belong to no cell.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked to be inside"
+    )]
+    fn claim(&mut self, xy: [f32; 2]) -> bool {
+        let Some(side) = self.side else { return true };
+        if !self.contains(xy) {
+            return false;
+        }
+        let columns = self.width.div_ceil(side) as usize;
+        let cell = (xy[1] as u32 / side) as usize * columns + (xy[0] as u32 / side) as usize;
+        // A frame of another size under the same display index keeps its own picture limits.
+        self.taken
+            .get_mut(cell)
+            .is_some_and(|taken| !std::mem::replace(taken, true))
+    }
+}

@@ -1,0 +1,160 @@
+//! How a vector carries a point, and when two steps of a track agree.
+
+use crate::filter::LocalFit;
+
+/// What moves a point that is not at the centre of the block covering it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Carry {
+    /// The block's vector, unchanged over the whole block.
+    #[default]
+    Translate,
+    /// The block's vector at its centre, extrapolated with the linear part of the block's own warp
+    /// or else of its neighbours' motion.
+    Extrapolate,
+    /// The motion that the neighbours predict; the block's vector only decides that it is trusted.
+    Predict,
+}
+
+/// Which rows of a compound block a point follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Follow {
+    /// One: the reference nearest in display order, the past one on a tie.
+    #[default]
+    Nearest,
+    /// All: the point is observed in every reference.
+    All,
+}
+
+/// Ends a track where its direction of motion turns: the paper's cosine test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cosine {
+    /// The cosine between successive steps must be at least `1 - epsilon`.
+    pub epsilon: f32,
+    /// Steps shorter than this, in px, are not tested.
+    pub tau: f32,
+}
+
+impl Cosine {
+    /// Whether two steps agree; each is the motion towards the past, px.
+    pub(crate) fn accepts(&self, previous: [f32; 2], step: [f32; 2]) -> bool {
+        let dot = previous[0] * step[0] + previous[1] * step[1];
+        let lengths = [length(previous), length(step)];
+        // `<=` for zero: a step without length has no direction, even with tau = 0.
+        lengths
+            .iter()
+            .any(|&length| length < self.tau || length <= 0.0)
+            || dot >= (1.0 - self.epsilon) * lengths[0] * lengths[1]
+    }
+}
+
+pub(crate) fn length([x, y]: [f32; 2]) -> f32 {
+    x.hypot(y)
+}
+
+/// First-order motion of a block about its centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Motion {
+    pub(crate) vector: [f32; 2],
+    pub(crate) linear: [f32; 4],
+}
+
+impl Motion {
+    /// The motion that `carry` asks for; `fit` is needed for all but `Translate`.
+    pub(crate) fn new(
+        carry: Carry,
+        vector: [f32; 2],
+        fit: Option<&LocalFit>,
+        warp: Option<&[f64; 6]>,
+    ) -> Self {
+        let still = Self {
+            vector,
+            linear: [0.0; 4],
+        };
+        match (carry, fit) {
+            (Carry::Translate, _) => still,
+            (Carry::Extrapolate, fit) => {
+                let own = warp.and_then(warp_slope);
+                let linear = own.or(fit.map(|fit| fit.linear)).unwrap_or_default();
+                Self { vector, linear }
+            }
+            (Carry::Predict, Some(fit)) => Self {
+                vector: fit.vector,
+                linear: fit.linear,
+            },
+            (Carry::Predict, None) => still,
+        }
+    }
+
+    /// Displacement of the point at `offset` px from the block's centre.
+    pub(crate) fn at(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        let [xx, xy, yx, yy] = self.linear;
+        [
+            self.vector[0] + xx * x + xy * y,
+            self.vector[1] + yx * x + yy * y,
+        ]
+    }
+}
+
+/// Slope of the vector field of an affine model: its matrix less the identity.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "slopes are well within single precision"
+)]
+fn warp_slope(&[a, b, _, d, e, _]: &[f64; 6]) -> Option<[f32; 4]> {
+    let slope = [a - 1.0, b, d, e - 1.0];
+    slope
+        .iter()
+        .all(|value| value.is_finite())
+        .then(|| slope.map(|value| value as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cosine_test_cuts_turns_and_leaves_short_steps_alone() {
+        let cosine = Cosine {
+            epsilon: 0.1,
+            tau: 1.0,
+        };
+        assert!(cosine.accepts([10.0, 0.0], [10.0, 2.0]));
+        assert!(!cosine.accepts([10.0, 0.0], [0.0, 10.0]));
+        assert!(cosine.accepts([10.0, 0.0], [-0.9, 0.0]));
+        assert!(
+            Cosine {
+                epsilon: 0.1,
+                tau: 0.0
+            }
+            .accepts([10.0, 0.0], [0.0, 0.0])
+        );
+    }
+
+    #[test]
+    fn extrapolation_uses_the_blocks_own_warp_before_its_neighbours() {
+        let fit = LocalFit {
+            residual: 0.0,
+            spread: 0.0,
+            vector: [9.0, 9.0],
+            linear: [0.5; 4],
+        };
+        let zoom = [1.25, 0.0, 7.0, 0.0, 1.0, 3.0];
+        let own = Motion::new(Carry::Extrapolate, [1.0, 2.0], Some(&fit), Some(&zoom));
+        assert_eq!(own.at([4.0, 4.0]), [2.0, 2.0]);
+        let without = Motion::new(
+            Carry::Extrapolate,
+            [1.0, 2.0],
+            Some(&fit),
+            Some(&[f64::NAN; 6]),
+        );
+        assert_eq!(without.at([4.0, 4.0]), [5.0, 6.0]);
+        assert_eq!(
+            Motion::new(Carry::Predict, [1.0, 2.0], Some(&fit), None).at([0.0, 0.0]),
+            [9.0, 9.0]
+        );
+        assert_eq!(
+            Motion::new(Carry::Translate, [1.0, 2.0], Some(&fit), None).at([4.0, 4.0]),
+            [1.0, 2.0]
+        );
+    }
+}
