@@ -8,10 +8,14 @@ index.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -101,6 +105,11 @@ class MotionField:
     def __len__(self) -> int:
         return len(self.block)
 
+    def select(self, keep: NDArray[np.bool_]) -> MotionField:
+        """Field with the rows where the (N,) mask holds."""
+        names = ("block", "mv", "ref_frame", "flags", "segment_id", "qindex", "residual", "warp")
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correspondences:
@@ -131,3 +140,242 @@ class TwoViewScore:
     """Median Sampson distance of the inliers in px; NaN without inliers."""
     median_sampson_normalized: float
     """Median squared Sampson error of the inliers in normalised camera units (the paper's)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracks:
+    """Points followed through several frames, in compressed sparse rows.
+
+    Observations of track ``t`` are ``offsets[t]:offsets[t + 1]``. Every observation is a keypoint
+    of its frame; keypoints of a frame are numbered in the order of the observations, so the numbers
+    stay the same for every pair of frames.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not have the shapes below, or if the frames of a track do not strictly
+        increase.
+
+    Examples
+    --------
+    >>> tracks = Tracks.from_lists([(0, 2.0, 2.0), (1, 6.0, 2.0)], [(1, 9.0, 9.0), (2, 8.0, 9.0)])
+    >>> len(tracks), tracks.keypoints(1).tolist()
+    (2, [[6.0, 2.0], [9.0, 9.0]])
+    >>> [(i, j, matches.tolist()) for i, j, matches in tracks.pairs()]
+    [(0, 1, [[0, 0]]), (1, 2, [[1, 0]])]
+    """
+
+    offsets: NDArray[np.int64]
+    """(T + 1,) start of each track in the observations, the total number of them at the end."""
+    frame: NDArray[np.int32]
+    """(O,) display index of each observation, at least 0, strictly increasing in a track."""
+    xy: NDArray[np.float32]
+    """(O, 2) position of each observation in px."""
+
+    def __post_init__(self) -> None:
+        import numpy as np
+
+        starts, count = self.offsets, len(self.frame)
+        if starts.ndim != 1 or len(starts) == 0 or starts[0] != 0 or starts[-1] != count:
+            message = f"offsets must rise from 0 to the number of observations, {count}"
+            raise ValueError(message)
+        if self.frame.ndim != 1 or self.xy.shape != (count, 2):
+            message = f"frame and xy must be (O,) and (O, 2), not {self.frame.shape}, {self.xy.shape}"
+            raise ValueError(message)
+        if np.any(np.diff(starts) < 0):
+            message = "offsets must not fall"
+            raise ValueError(message)
+        same_track = np.diff(self.track_index) == 0
+        if np.any(self.frame < 0) or np.any(np.diff(self.frame)[same_track] <= 0):
+            message = "frames must be display indices that strictly increase in each track"
+            raise ValueError(message)
+
+    @classmethod
+    def from_lists(cls, *tracks: Sequence[tuple[int, float, float]]) -> Tracks:
+        """Tracks from lists of ``(frame, x, y)``, frames rising, px."""
+        import numpy as np
+
+        lengths = [len(track) for track in tracks]
+        rows = np.array([row for track in tracks for row in track], np.float64).reshape(-1, 3)
+        return cls(
+            offsets=np.concatenate(([0], np.cumsum(lengths, dtype=np.int64))).astype(np.int64),
+            frame=rows[:, 0].astype(np.int32),
+            xy=rows[:, 1:].astype(np.float32),
+        )
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def num_observations(self) -> int:
+        """Observations of all tracks."""
+        return len(self.frame)
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """(T,) observations of each track."""
+        import numpy as np
+
+        return np.diff(self.offsets)
+
+    @cached_property
+    def track_index(self) -> NDArray[np.int64]:
+        """(O,) track of each observation."""
+        import numpy as np
+
+        return np.repeat(np.arange(len(self), dtype=np.int64), self.lengths)
+
+    @cached_property
+    def _by_frame(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(O,) observations sorted by frame, and (F + 1,) start of each frame in them."""
+        import numpy as np
+
+        num_frames = int(self.frame.max(initial=-1)) + 1
+        order = np.argsort(_compact(self.frame, num_frames), kind="stable")
+        counts = np.bincount(self.frame, minlength=num_frames)
+        return order, np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+
+    @property
+    def num_frames(self) -> int:
+        """One more than the largest frame with an observation; 0 without tracks."""
+        return len(self._by_frame[1]) - 1
+
+    def observations(self, frame: int) -> NDArray[np.int64]:
+        """(K,) observations in one frame; entry k is the frame's keypoint k."""
+        order, starts = self._by_frame
+        if not 0 <= frame < self.num_frames:
+            return order[:0]
+        return order[starts[frame] : starts[frame + 1]]
+
+    def keypoints(self, frame: int) -> NDArray[np.float32]:
+        """(K, 2) keypoints of one frame in px, in the order of their numbers."""
+        return self.xy[self.observations(frame)]
+
+    @cached_property
+    def keypoint_index(self) -> NDArray[np.uint32]:
+        """(O,) number of each observation among the keypoints of its frame."""
+        import numpy as np
+
+        order, starts = self._by_frame
+        index = np.empty(len(order), np.uint32)
+        index[order] = np.arange(len(order)) - starts[self.frame[order]]
+        return index
+
+    def between(self, frame0: int, frame1: int) -> Correspondences:
+        """Points seen in both of two frames, ordered by track; ``xy0`` lies in ``frame0``."""
+        import numpy as np
+
+        first, second = self.observations(frame0), self.observations(frame1)
+        _, in_first, in_second = np.intersect1d(
+            self.track_index[first],
+            self.track_index[second],
+            assume_unique=True,
+            return_indices=True,
+        )
+        return Correspondences(
+            frame0=frame0,
+            frame1=frame1,
+            xy0=self.xy[first[in_first]],
+            xy1=self.xy[second[in_second]],
+        )
+
+    def _matched(self, max_gap: int | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(M,) observations of the earlier and of the later frame, for every pair on a track."""
+        import numpy as np
+
+        firsts: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
+        seconds: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
+        # Observations that have another one `step` places later in the same track.
+        end = self.offsets[1:][self.track_index]
+        first = np.arange(self.num_observations, dtype=np.int64)
+        for step in range(1, self.num_observations):
+            first = first[first + step < end[first]]
+            if max_gap is not None:
+                # Frames rise along a track: once too far apart, the next step is farther still.
+                first = first[self.frame[first + step] - self.frame[first] <= max_gap]
+            if len(first) == 0:
+                break
+            firsts.append(first)
+            seconds.append(first + step)
+        return np.concatenate(firsts), np.concatenate(seconds)
+
+    def pairs(self, max_gap: int | None = None) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
+        """Frame pairs that share tracks, with their matches.
+
+        Parameters
+        ----------
+        max_gap : int, optional
+            Largest distance in frames between the two; without it every pair on a track counts.
+
+        Yields
+        ------
+        tuple
+            ``(frame0, frame1, matches)``: ``frame0 < frame1``, pairs in rising order, ``matches``
+            (M, 2) uint32 keypoint numbers in the two frames, ordered by track.
+        """
+        import numpy as np
+
+        first, second = self._matched(max_gap)
+        num_frames = self.num_frames
+        # Two stable passes over small integers: far cheaper than sorting the pairs themselves.
+        order = np.argsort(first, kind="stable")
+        for frames in (self.frame[second], self.frame[first]):
+            order = order[np.argsort(_compact(frames[order], num_frames), kind="stable")]
+        first, second = first[order], second[order]
+        matches = np.stack([self.keypoint_index[first], self.keypoint_index[second]], axis=1)
+        frame0, frame1 = self.frame[first], self.frame[second]
+        starts = np.flatnonzero((np.diff(frame0) != 0) | (np.diff(frame1) != 0)) + 1
+        bounds = [0, *starts.tolist(), len(first)] if len(first) else []
+        for start, end in pairwise(bounds):
+            yield int(frame0[start]), int(frame1[start]), matches[start:end]
+
+    def adjacency(
+        self, num_frames: int | None = None, max_gap: int | None = None
+    ) -> NDArray[np.int64]:
+        """Matches of every frame pair.
+
+        Parameters
+        ----------
+        num_frames : int, optional
+            Side of the matrix; at least :attr:`num_frames`, which is also the default.
+        max_gap : int, optional
+            As for :meth:`pairs`.
+
+        Returns
+        -------
+        ndarray
+            (F, F) int64, symmetric, zero on the diagonal.
+
+        Raises
+        ------
+        ValueError
+            If ``num_frames`` is smaller than :attr:`num_frames`.
+        """
+        import numpy as np
+
+        side = self.num_frames if num_frames is None else num_frames
+        if side < self.num_frames:
+            message = f"num_frames is {side}, but tracks reach frame {self.num_frames - 1}"
+            raise ValueError(message)
+        first, second = self._matched(max_gap)
+        keys = self.frame[first].astype(np.int64) * side + self.frame[second]
+        upper = np.bincount(keys, minlength=side * side).reshape(side, side).astype(np.int64)
+        return upper + upper.T
+
+    def select(self, keep: NDArray[np.bool_]) -> Tracks:
+        """Tracks where the (T,) mask holds; keypoints are numbered anew."""
+        import numpy as np
+
+        observed = np.repeat(keep, self.lengths)
+        return Tracks(
+            offsets=np.concatenate(([0], np.cumsum(self.lengths[keep]))).astype(np.int64),
+            frame=self.frame[observed],
+            xy=self.xy[observed],
+        )
+
+
+def _compact(frame: NDArray[np.int32], num_frames: int) -> NDArray[np.integer[Any]]:
+    """Frames in the smallest type: NumPy sorts 16-bit integers in linear time."""
+    import numpy as np
+
+    return frame.astype(np.uint16) if num_frames <= 1 << 16 else frame

@@ -1,5 +1,10 @@
 //! The Python module `mvmatch._core`: converts, releases the GIL, decides nothing.
 use pyo3::prelude::*;
 
+mod tracks;
+
 #[pymodule(gil_used = false)]
-mod _core {}
+mod _core {
+    #[pymodule_export]
+    use super::tracks::{TrackLinker, fit_neighbors};
+}

@@ -1,0 +1,193 @@
+//! Door to `motion-tracks`: NumPy columns in, NumPy columns out.
+
+use motion_tracks::{
+    Carry, Cosine, Field, FieldError, FitOptions, Follow, LinkOptions, Linker, Tracks,
+};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+fn refuse(error: FieldError) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// Rows of a C-contiguous (N, K) array.
+fn rows<'a, T: numpy::Element, const K: usize>(
+    array: &'a PyReadonlyArray2<'_, T>,
+    name: &str,
+) -> PyResult<&'a [[T; K]]> {
+    let flat = array.as_slice()?;
+    let (rows, rest) = flat.as_chunks::<K>();
+    if !rest.is_empty() || array.as_array().ncols() != K {
+        return Err(PyValueError::new_err(format!(
+            "{name} must have the shape (N, {K})"
+        )));
+    }
+    Ok(rows)
+}
+
+/// Arrays of one motion field, held while Rust looks at them.
+#[derive(FromPyObject)]
+pub struct Columns<'py> {
+    frame: i32,
+    width: u32,
+    height: u32,
+    block: PyReadonlyArray2<'py, i32>,
+    mv: PyReadonlyArray2<'py, f32>,
+    ref_frame: PyReadonlyArray1<'py, i32>,
+    warp: PyReadonlyArray2<'py, f64>,
+}
+
+impl Columns<'_> {
+    fn field(&self) -> PyResult<Field<'_>> {
+        Ok(Field {
+            frame: self.frame,
+            width: self.width,
+            height: self.height,
+            blocks: rows(&self.block, "block")?,
+            vectors: rows(&self.mv, "mv")?,
+            references: self.ref_frame.as_slice()?,
+            warps: rows(&self.warp, "warp")?,
+        })
+    }
+}
+
+fn carry_named(name: &str) -> PyResult<Carry> {
+    match name {
+        "translate" => Ok(Carry::Translate),
+        "extrapolate" => Ok(Carry::Extrapolate),
+        "predict" => Ok(Carry::Predict),
+        _ => Err(PyValueError::new_err(format!(
+            "carry is {name:?}; it can be translate, extrapolate or predict"
+        ))),
+    }
+}
+
+fn follow_named(name: &str) -> PyResult<Follow> {
+    match name {
+        "nearest" => Ok(Follow::Nearest),
+        "all" => Ok(Follow::All),
+        _ => Err(PyValueError::new_err(format!(
+            "follow is {name:?}; it can be nearest or all"
+        ))),
+    }
+}
+
+type TrackArrays<'py> = (
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i32>>,
+    Bound<'py, PyArray2<f32>>,
+);
+
+/// (N, K) array of rows.
+fn to_array<'py, const K: usize>(
+    py: Python<'py>,
+    rows: Vec<[f32; K]>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let len = rows.len();
+    rows.into_flattened().into_pyarray(py).reshape([len, K])
+}
+
+/// Collects motion fields in decode order, then chains them.
+#[pyclass]
+pub struct TrackLinker {
+    linker: Option<Linker>,
+}
+
+#[pymethods]
+impl TrackLinker {
+    #[new]
+    #[pyo3(signature = (
+        *, keep_zero, max_residual, num_neighbors, carry, follow, epsilon, tau, cell, min_length
+    ))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword-only options, named in Python"
+    )]
+    fn new(
+        keep_zero: bool,
+        max_residual: Option<f32>,
+        num_neighbors: usize,
+        carry: &str,
+        follow: &str,
+        epsilon: Option<f32>,
+        tau: f32,
+        cell: Option<u32>,
+        min_length: u32,
+    ) -> PyResult<Self> {
+        let options = LinkOptions {
+            keep_zero,
+            max_residual,
+            fit: FitOptions {
+                neighbors: num_neighbors,
+                ..FitOptions::default()
+            },
+            carry: carry_named(carry)?,
+            follow: follow_named(follow)?,
+            cosine: epsilon.map(|epsilon| Cosine { epsilon, tau }),
+            cell,
+            min_length,
+        };
+        Ok(Self {
+            linker: Some(Linker::new(options)),
+        })
+    }
+
+    /// Adds the next motion field in decode order.
+    fn push(&mut self, py: Python<'_>, columns: Columns<'_>) -> PyResult<()> {
+        let field = columns.field()?;
+        let linker = self.linker.as_mut().ok_or_else(finished)?;
+        py.detach(|| linker.push(&field)).map_err(refuse)
+    }
+
+    /// Chains all fields; returns offsets (T + 1,), frame (O,) and xy (O, 2).
+    fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<TrackArrays<'py>> {
+        let linker = self.linker.take().ok_or_else(finished)?;
+        let Tracks {
+            offsets,
+            frames,
+            points,
+        } = py.detach(|| linker.finish());
+        Ok((
+            offsets.into_pyarray(py),
+            frames.into_pyarray(py),
+            to_array(py, points)?,
+        ))
+    }
+}
+
+fn finished() -> PyErr {
+    PyRuntimeError::new_err("the tracks of this linker are finished; start a new one")
+}
+
+type FitArrays<'py> = (
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray2<f32>>,
+);
+
+/// Local fit per row: residual (N,), spread (N,), vector (N, 2), linear (N, 4).
+#[pyfunction]
+#[pyo3(signature = (columns, *, num_neighbors = 12))]
+pub fn fit_neighbors<'py>(
+    py: Python<'py>,
+    columns: Columns<'py>,
+    num_neighbors: usize,
+) -> PyResult<FitArrays<'py>> {
+    let field = columns.field()?;
+    field.validate().map_err(refuse)?;
+    let options = FitOptions {
+        neighbors: num_neighbors,
+        ..FitOptions::default()
+    };
+    let fits = py.detach(|| motion_tracks::fit_neighbors(&field, &options));
+    let residual: Vec<f32> = fits.iter().map(|fit| fit.residual).collect();
+    let spread: Vec<f32> = fits.iter().map(|fit| fit.spread).collect();
+    Ok((
+        residual.into_pyarray(py),
+        spread.into_pyarray(py),
+        to_array(py, fits.iter().map(|fit| fit.vector).collect())?,
+        to_array(py, fits.iter().map(|fit| fit.linear).collect())?,
+    ))
+}

@@ -1,0 +1,138 @@
+"""Filters: pure functions that remove rows or tracks and change nothing else.
+
+Each takes a motion field or tracks and returns the same type. :func:`mvmatch.tracks.build_tracks`
+applies the same rules while it chains; these are for use on their own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mvmatch.types import MotionField, Tracks
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def drop_zero(field: MotionField) -> MotionField:
+    """Remove zero vectors (the paper's rule; a zero vector of an inter block is real motion)."""
+    return field.select(np.any(field.mv != 0, axis=1))
+
+
+def neighbor_residual(field: MotionField, *, num_neighbors: int = 12) -> NDArray[np.float32]:
+    """Disagreement of every vector with the blocks around it.
+
+    A local affine motion is fitted robustly to the nearest blocks with the same reference, the
+    block itself left out.
+
+    Parameters
+    ----------
+    field : MotionField
+        Vectors of one coded frame.
+    num_neighbors : int
+        Blocks that take part, 1 to 32.
+
+    Returns
+    -------
+    ndarray
+        (N,) float32, px; infinite where fewer than 4 neighbours exist.
+    """
+    from mvmatch._core import fit_neighbors
+
+    return fit_neighbors(field, num_neighbors=num_neighbors)[0]
+
+
+def neighbor_consistency(
+    field: MotionField, *, max_residual: float = 1.5, num_neighbors: int = 12
+) -> MotionField:
+    """Remove vectors that disagree with their neighbours by more than ``max_residual`` px."""
+    return field.select(neighbor_residual(field, num_neighbors=num_neighbors) <= max_residual)
+
+
+def min_length(tracks: Tracks, length: int) -> Tracks:
+    """Remove tracks with fewer than ``length`` observations."""
+    return tracks.select(tracks.lengths >= length)
+
+
+def cosine_consistency(
+    tracks: Tracks, *, epsilon: float = 0.1, tau: float = 0.0, min_length: int = 3
+) -> Tracks:
+    """End tracks where their direction turns.
+
+    Walking from the last frame back, a track ends before the first step whose cosine to the step
+    before it is less than ``1 - epsilon``; the observations further back are removed.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        Any tracks.
+    epsilon : float
+        Tolerance of the cosine.
+    tau : float
+        px; steps shorter than this are not tested.
+    min_length : int
+        Observations; what is left shorter is removed.
+
+    Returns
+    -------
+    Tracks
+        A subset of the observations.
+
+    References
+    ----------
+    Zouein et al. 2025, section II-B.
+    """
+    xy = tracks.xy.astype(np.float64)
+    step = np.diff(xy, axis=0, append=xy[-1:])
+    size = np.linalg.norm(step, axis=1)
+    # Observation k turns when step k and the later step k + 1 (both inside one track) disagree.
+    turns = np.zeros(len(xy), np.bool_)
+    if len(xy) > 2:
+        inside = tracks.track_index[:-2] == tracks.track_index[2:]
+        dot = np.sum(step[:-2] * step[1:-1], axis=1)
+        product = size[:-2] * size[1:-1]
+        shortest = np.minimum(size[:-2], size[1:-1])
+        tested = inside & (shortest >= tau) & (shortest > 0)
+        turns[:-2] = tested & (dot < (1 - epsilon) * product)
+    keep = _from_last(tracks, turns)
+    return _select_observations(tracks, keep, min_length)
+
+
+def thin(tracks: Tracks, *, cell: int = 8) -> Tracks:
+    """Keep at most one track per frame and square cell of ``cell`` px: the longest.
+
+    Longer tracks choose first, earlier numbers on a tie; a track with any observation in a cell
+    that is taken is removed as a whole.
+    """
+    columns = int(np.floor(tracks.xy[:, 0].max(initial=0) / cell)) + 1
+    lines = int(np.floor(tracks.xy[:, 1].max(initial=0) / cell)) + 1
+    at = np.floor(tracks.xy / cell).astype(np.int64)
+    keys = (tracks.frame.astype(np.int64) * lines + at[:, 1]) * columns + at[:, 0]
+    taken: set[int] = set()
+    keep = np.zeros(len(tracks), np.bool_)
+    for track in np.argsort(-tracks.lengths, kind="stable").tolist():
+        own = keys[tracks.offsets[track] : tracks.offsets[track + 1]].tolist()
+        if taken.isdisjoint(own):
+            taken.update(own)
+            keep[track] = True
+    return tracks.select(keep)
+
+
+def _from_last(tracks: Tracks, stop: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(O,) observations after the last ``stop`` of their track."""
+    order = np.where(stop, np.arange(len(stop)), -1)
+    last = np.full(len(tracks), -1, np.int64)
+    np.maximum.at(last, tracks.track_index, order)
+    return np.arange(len(stop)) > last[tracks.track_index]
+
+
+def _select_observations(tracks: Tracks, keep: NDArray[np.bool_], length: int) -> Tracks:
+    counts = np.bincount(tracks.track_index[keep], minlength=len(tracks))
+    kept = Tracks(
+        offsets=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
+        frame=tracks.frame[keep],
+        xy=tracks.xy[keep],
+    )
+    return min_length(kept, max(length, 1))

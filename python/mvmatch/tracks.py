@@ -1,0 +1,159 @@
+"""Motion fields chained into tracks: options and the thin face of the Rust crate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from mvmatch.types import MotionField, Tracks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+Carry = Literal["translate", "extrapolate", "predict"]
+Follow = Literal["nearest", "all"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions:
+    """Rules of chaining. The defaults are the preset ``default``."""
+
+    keep_zero: bool = True
+    """Zero vectors are motion. The paper takes them for absent, since its reader cannot tell."""
+    max_residual: float | None = 1.5
+    """px; a vector farther than this from what its neighbours predict is not used; None: all are.
+    Measured: the share of points within 1 px of the truth rises on every sequence."""
+    num_neighbors: int = 12
+    """Nearest blocks with the same reference that predict a vector; 1 to 32."""
+    carry: Carry = "translate"
+    """What moves a point off its block's centre: the block's vector alone, the vector extrapolated
+    with the slope of the motion around it, or the neighbours' prediction."""
+    follow: Follow = "nearest"
+    """Which references of a compound block are followed: the one nearest in display order (the past
+    one of two equally near), or all of them."""
+    epsilon: float | None = 0.1
+    """The cosine between successive steps is at least 1 - epsilon; None: not tested (paper, II-B).
+    Off is None: even epsilon = 1 would end tracks at turns beyond 90 degrees."""
+    tau: float = 1.0
+    """px; steps shorter than this are not tested: quantised vectors have no exact direction."""
+    cell: int | None = 8
+    """px; side of the square cells that hold at most one track per frame, the longest; None: every
+    block starts a track. Measured: 12 to 24 times less mapping, poses no worse."""
+    min_length: int = 3
+    """Observations; shorter tracks are dropped (paper, II-B)."""
+    max_gap: int | None = 10
+    """Frames; matches of a track are exported for pairs up to this far apart; None: every pair on
+    a track, as the paper does, quadratic in the length of the tracks."""
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "max_residual": (self.max_residual, 0.0),
+            "epsilon": (self.epsilon, 0.0),
+            "tau": (self.tau, 0.0),
+            "cell": (self.cell, 1),
+            "min_length": (self.min_length, 1),
+            "max_gap": (self.max_gap, 1),
+        }
+        for name, (value, least) in bounds.items():
+            if value is not None and not value >= least:
+                message = f"{name} is {value}; it must be at least {least}"
+                raise ValueError(message)
+        if not 1 <= self.num_neighbors <= 32:
+            message = f"num_neighbors is {self.num_neighbors}; it must be 1 to 32"
+            raise ValueError(message)
+
+    @classmethod
+    def preset(cls, name: str) -> TrackOptions:
+        """Return a named set of rules.
+
+        ``default`` is what measured best; ``paper`` keeps to the rules of Zouein et al. 2025 to
+        the letter: block centres start tracks, no zero vectors, cosine test with epsilon 0.1 on
+        every step, length of at least 3, every pair on a track, nothing thinned.
+
+        Raises
+        ------
+        ValueError
+            For another name.
+
+        Examples
+        --------
+        >>> TrackOptions.preset("paper").keep_zero
+        False
+        """
+        presets: dict[str, dict[str, Any]] = {
+            "default": {},
+            "paper": {
+                "keep_zero": False,
+                "max_residual": None,
+                "tau": 0.0,
+                "cell": None,
+                "max_gap": None,
+            },
+        }
+        if name not in presets:
+            message = f"no preset {name!r}; there are {', '.join(presets)}"
+            raise ValueError(message)
+        return cls(**presets[name])
+
+
+def build_tracks(
+    fields: Iterable[MotionField], *, options: TrackOptions | None = None
+) -> Tracks:
+    """Chain motion fields into tracks.
+
+    Frames are visited in reverse decode order, so that every point that can reach a frame is there
+    when its turn comes, whatever the prediction structure. A point is carried through the block
+    that covers it and never snapped to the block's centre; where it arrives it becomes an
+    observation of the reference frame. It ends on intra blocks, outside the picture, and where the
+    direction turns. Hidden frames take part under the display index of the picture they stand for.
+
+    Parameters
+    ----------
+    fields : iterable of MotionField
+        In decode order, frames without vectors included. Read once; per row 20 bytes are kept
+        until the end (36 with ``carry`` other than ``"translate"``), because the chain starts
+        there: some 5 MB per 100 frames of 2500 blocks.
+    options : TrackOptions, optional
+        Rules; by default the preset ``default``.
+
+    Returns
+    -------
+    Tracks
+        Deterministic; tracks ordered by where they start, last decoded frame first.
+
+    Raises
+    ------
+    ValueError
+        If a field has arrays of the wrong shape, or decode indices do not rise.
+
+    References
+    ----------
+    Zouein et al. 2025, section II-B.
+    """
+    from mvmatch._core import TrackLinker
+
+    options = options or TrackOptions()
+    linker = TrackLinker(
+        keep_zero=options.keep_zero,
+        max_residual=options.max_residual,
+        num_neighbors=options.num_neighbors,
+        carry=options.carry,
+        follow=options.follow,
+        epsilon=options.epsilon,
+        tau=options.tau,
+        cell=options.cell,
+        min_length=options.min_length,
+    )
+    decoded = -1
+    for field in fields:
+        if field.decode_index <= decoded:
+            message = f"fields must be in decode order: {field.decode_index} follows {decoded}"
+            raise ValueError(message)
+        decoded = field.decode_index
+        linker.push(field)
+    offsets, frame, xy = linker.finish()
+    return Tracks(offsets=offsets, frame=frame, xy=xy)
