@@ -3,10 +3,12 @@
 Errors raised here are the classes of :mod:`mvmatch.errors`.
 """
 
-from typing import Any, final
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mvmatch.types import MotionField
 
 @final
 class ContainerReader:
@@ -82,3 +84,29 @@ class CodedFrame:
 
     def header(self) -> dict[str, Any]:
         """Return the header's syntax elements."""
+
+@final
+class TrackLinker:
+    """Collects motion fields in decode order, then chains them (see `mvmatch.tracks`)."""
+
+    def __new__(
+        cls,
+        *,
+        keep_zero: bool,
+        max_residual: float | None,
+        num_neighbors: int,
+        carry: Literal["translate", "extrapolate", "predict"],
+        follow: Literal["nearest", "all"],
+        epsilon: float | None,
+        tau: float,
+        cell: int | None,
+        min_length: int,
+    ) -> TrackLinker: ...
+    def push(self, columns: MotionField) -> None: ...
+    def finish(self) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
+        """Offsets (T + 1,), frame (O,) and xy (O, 2) px; the linker cannot be used again."""
+
+def fit_neighbors(
+    columns: MotionField, *, num_neighbors: int = 12
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Residual (N,) px, spread (N,) px, vector (N, 2) px, linear (N, 4) px per px of local fits."""

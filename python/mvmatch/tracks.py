@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from mvmatch.types import MotionField, Tracks
+from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
+    from mvmatch.types import MotionField
 
 Carry = Literal["translate", "extrapolate", "predict"]
 Follow = Literal["nearest", "all"]
@@ -100,9 +98,7 @@ class TrackOptions:
         return cls(**presets[name])
 
 
-def build_tracks(
-    fields: Iterable[MotionField], *, options: TrackOptions | None = None
-) -> Tracks:
+def build_tracks(fields: Iterable[MotionField], *, options: TrackOptions | None = None) -> Tracks:
     """Chain motion fields into tracks.
 
     Frames are visited in reverse decode order, so that every point that can reach a frame is there

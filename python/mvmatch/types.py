@@ -180,7 +180,9 @@ class Tracks:
             message = f"offsets must rise from 0 to the number of observations, {count}"
             raise ValueError(message)
         if self.frame.ndim != 1 or self.xy.shape != (count, 2):
-            message = f"frame and xy must be (O,) and (O, 2), not {self.frame.shape}, {self.xy.shape}"
+            message = (
+                f"frame and xy must be (O,) and (O, 2), not {self.frame.shape}, {self.xy.shape}"
+            )
             raise ValueError(message)
         if np.any(np.diff(starts) < 0):
             message = "offsets must not fall"
@@ -332,7 +334,7 @@ class Tracks:
     def adjacency(
         self, num_frames: int | None = None, max_gap: int | None = None
     ) -> NDArray[np.int64]:
-        """Matches of every frame pair.
+        """Count the matches of every frame pair.
 
         Parameters
         ----------

@@ -171,6 +171,10 @@ fn reweight(votes: &mut [Vote], [x, y]: &[[f64; 3]; 2]) -> f64 {
 }
 
 /// Weighted least squares of `mv = m0 + m1 u + m2 v`, both components; the ridge holds m1, m2 small.
+#[expect(
+    clippy::many_single_char_names,
+    reason = "the sums of the normal equations"
+)]
 fn solve(votes: &[Vote], ridge: f64) -> [[f64; 3]; 2] {
     let (mut s, mut su, mut sv, mut suu, mut suv, mut svv) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut right = [[0.0_f64; 3]; 2];

@@ -36,7 +36,7 @@ pub struct Cosine {
 
 impl Cosine {
     /// Whether two steps agree; each is the motion towards the past, px.
-    pub(crate) fn accepts(&self, previous: [f32; 2], step: [f32; 2]) -> bool {
+    pub(crate) fn accepts(self, previous: [f32; 2], step: [f32; 2]) -> bool {
         let dot = previous[0] * step[0] + previous[1] * step[1];
         let lengths = [length(previous), length(step)];
         // `<=` for zero: a step without length has no direction, even with tau = 0.
@@ -71,7 +71,7 @@ impl Motion {
             linear: [0.0; 4],
         };
         match (carry, fit) {
-            (Carry::Translate, _) => still,
+            (Carry::Translate, _) | (Carry::Predict, None) => still,
             (Carry::Extrapolate, fit) => {
                 let own = warp.and_then(warp_slope);
                 let linear = own.or(fit.map(|fit| fit.linear)).unwrap_or_default();
@@ -81,7 +81,6 @@ impl Motion {
                 vector: fit.vector,
                 linear: fit.linear,
             },
-            (Carry::Predict, None) => still,
         }
     }
 

@@ -80,10 +80,10 @@ type TrackArrays<'py> = (
 );
 
 /// (N, K) array of rows.
-fn to_array<'py, const K: usize>(
-    py: Python<'py>,
+fn to_array<const K: usize>(
+    py: Python<'_>,
     rows: Vec<[f32; K]>,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
+) -> PyResult<Bound<'_, PyArray2<f32>>> {
     let len = rows.len();
     rows.into_flattened().into_pyarray(py).reshape([len, K])
 }

@@ -1,0 +1,163 @@
+"""Chaining of motion fields: options, presets and the rules that they switch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mvmatch.tracks import TrackOptions, build_tracks
+from mvmatch.types import MotionField
+
+PLAIN = TrackOptions(max_residual=None, epsilon=None, cell=None)
+
+
+def make_field(frame, rows, *, decode_index=None, width=64, height=32):
+    """Motion field from rows of ``(block, mv, ref_frame)``."""
+    count = len(rows)
+    return MotionField(
+        frame=frame,
+        decode_index=frame if decode_index is None else decode_index,
+        pts=None,
+        width=width,
+        height=height,
+        is_key=count == 0,
+        is_shown=True,
+        block=np.array([row[0] for row in rows], np.int32).reshape(-1, 4),
+        mv=np.array([row[1] for row in rows], np.float32).reshape(-1, 2),
+        ref_frame=np.array([row[2] for row in rows], np.int32),
+        flags=np.zeros(count, np.uint16),
+        segment_id=np.zeros(count, np.uint8),
+        qindex=np.zeros(count, np.uint8),
+        residual=np.zeros(count, np.float32),
+        warp=np.full((count, 6), np.nan),
+    )
+
+
+def grid(width, height, size=8):
+    return [[x, y, size, size] for y in range(0, height, size) for x in range(0, width, size)]
+
+
+def translating(num_frames, mv, *, width=64, height=32):
+    """Fields of a picture that moves by one vector per frame, each block 8 px."""
+    fields = [make_field(0, [], width=width, height=height)]
+    for frame in range(1, num_frames):
+        rows = [(block, mv, frame - 1) for block in grid(width, height)]
+        fields.append(make_field(frame, rows, width=width, height=height))
+    return fields
+
+
+def test_points_are_carried_through_blocks_and_not_snapped_to_their_centers():
+    fields = [
+        make_field(0, []),
+        make_field(1, [([0, 0, 64, 32], (2.5, 0.0), 0)]),
+        make_field(2, [([8, 8, 8, 8], (3.0, 1.0), 1)]),
+    ]
+    tracks = build_tracks(fields, options=PLAIN)
+    assert tracks.frame.tolist() == [0, 1, 2]
+    assert tracks.xy.tolist() == [[17.5, 13.0], [15.0, 13.0], [12.0, 12.0]]
+
+
+def test_a_static_block_keeps_its_zero_vector_unless_the_paper_is_followed():
+    fields = translating(4, (0.0, 0.0))
+    assert len(build_tracks(fields)) == 32
+    assert len(build_tracks(fields, options=TrackOptions.preset("paper"))) == 0
+
+
+def test_the_default_holds_one_track_per_cell_and_frame():
+    tracks = build_tracks(translating(6, (1.5, 0.25)))
+    assert len(tracks) > 0
+    cells = np.column_stack([tracks.frame, np.floor(tracks.xy / 8)])
+    assert len(np.unique(cells, axis=0)) == len(cells)
+
+
+def test_the_neighbor_filter_removes_the_vector_that_stands_alone():
+    fields = translating(3, (2.0, 0.0))
+    fields[1].mv[9] = (-30.0, 11.0)
+    wrong = fields[1].centers[9]
+    kept = build_tracks(fields).between(0, 1).xy1
+    assert not np.any(np.all(np.abs(kept - wrong) < 4, axis=1))
+    assert len(kept) > 10
+
+
+@pytest.mark.parametrize("carry", ["translate", "extrapolate", "predict"])
+def test_a_translation_is_carried_alike_by_every_rule(carry):
+    fields = translating(5, (1.25, -0.5))
+    tracks = build_tracks(fields, options=TrackOptions(carry=carry))
+    for frame0 in range(3):
+        pair = tracks.between(frame0, frame0 + 2)
+        np.testing.assert_allclose(
+            pair.xy0 - pair.xy1, np.tile([2.5, -1.0], (len(pair), 1)), atol=1e-4
+        )
+
+
+def test_extrapolation_follows_a_zoom_that_translation_rounds_to_blocks():
+    middle = np.array([128.0, 64.0])
+    blocks = np.array(grid(256, 128, 16))
+    vectors = 0.04 * (blocks[:, :2] + 8 - middle)
+    rows = [
+        [(block, mv, frame) for block, mv in zip(blocks, vectors, strict=True)] for frame in (0, 1)
+    ]
+    size = {"width": 256, "height": 128}
+    fields = [
+        make_field(0, [], **size),
+        make_field(1, rows[0], **size),
+        make_field(2, rows[1], **size),
+    ]
+    error = {}
+    for carry in ("translate", "extrapolate"):
+        pair = build_tracks(fields, options=TrackOptions(carry=carry, cell=None)).between(2, 0)
+        exact = (pair.xy0 - middle) * 1.04**2 + middle
+        error[carry] = np.linalg.norm(pair.xy1 - exact, axis=1).mean()
+    assert error["extrapolate"] < 0.2 * error["translate"]
+
+
+def test_a_pyramid_of_future_references_gives_longer_tracks_when_all_are_followed():
+    rows = {
+        0: [],
+        4: [(4.0, 0)],
+        2: [(2.0, 0), (-2.0, 4)],
+        1: [(1.0, 0), (-1.0, 2)],
+        3: [(1.0, 2), (-1.0, 4)],
+    }
+    fields = [
+        make_field(
+            frame,
+            [(block, (dx, 0.0), reference) for block in grid(64, 32) for dx, reference in motion],
+            decode_index=decode_index,
+        )
+        for decode_index, (frame, motion) in enumerate(rows.items())
+    ]
+    nearest = build_tracks(fields, options=TrackOptions(cell=None))
+    everything = build_tracks(fields, options=TrackOptions(cell=None, follow="all"))
+    assert everything.lengths.max() > nearest.lengths.max()
+    for tracks in (nearest, everything):
+        first = tracks.offsets[:-1][tracks.track_index]
+        moved = tracks.xy[:, 0] - tracks.xy[first, 0]
+        np.testing.assert_array_equal(moved, -(tracks.frame - tracks.frame[first]).astype(float))
+
+
+def test_fields_out_of_decode_order_are_refused():
+    fields = translating(3, (1.0, 0.0))
+    with pytest.raises(ValueError, match="decode order: 1 follows 2"):
+        build_tracks([fields[0], fields[2], fields[1]])
+
+
+def test_arrays_of_the_wrong_shape_are_refused_by_name():
+    field = make_field(1, [([0, 0, 8, 8], (1.0, 0.0), 0)])
+    object.__setattr__(field, "mv", np.zeros((1, 3), np.float32))
+    with pytest.raises(ValueError, match="mv must have the shape"):
+        build_tracks([field])
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("tau", -1.0), ("cell", 0), ("min_length", 0), ("num_neighbors", 40), ("max_residual", -0.1)],
+)
+def test_options_out_of_range_are_refused_by_name(option, value):
+    with pytest.raises(ValueError, match=option):
+        TrackOptions(**{option: value})
+
+
+def test_an_unknown_preset_is_answered_with_the_known_ones():
+    with pytest.raises(ValueError, match="default, paper"):
+        TrackOptions.preset("fast")

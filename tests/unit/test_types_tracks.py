@@ -1,0 +1,82 @@
+"""Tracks: rows, keypoints, pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mvmatch.types import Tracks
+
+THREE = Tracks.from_lists(
+    [(0, 1.0, 1.0), (1, 2.0, 1.0), (2, 3.0, 1.0)],
+    [(1, 9.0, 9.0), (3, 8.0, 9.0)],
+    [(0, 5.0, 5.0), (1, 6.0, 5.0)],
+)
+
+
+def test_between_gives_the_points_of_shared_tracks_in_the_order_asked_for():
+    forward, backward = THREE.between(0, 1), THREE.between(1, 0)
+    assert forward.xy0.tolist() == [[1.0, 1.0], [5.0, 5.0]]
+    assert forward.xy1.tolist() == [[2.0, 1.0], [6.0, 5.0]]
+    np.testing.assert_array_equal(forward.xy0, backward.xy1)
+    np.testing.assert_array_equal(forward.xy1, backward.xy0)
+
+
+def test_frames_without_a_shared_track_give_no_correspondence():
+    assert len(THREE.between(0, 3)) == 0
+    assert len(THREE.between(0, 99)) == 0
+    assert THREE.keypoints(99).shape == (0, 2)
+
+
+def test_a_keypoint_keeps_its_number_in_every_pair():
+    matches = {(i, j): pairs for i, j, pairs in THREE.pairs()}
+    assert sorted(matches) == [(0, 1), (0, 2), (1, 2), (1, 3)]
+    for (i, j), pairs in matches.items():
+        expected = THREE.between(i, j)
+        np.testing.assert_array_equal(THREE.keypoints(i)[pairs[:, 0]], expected.xy0)
+        np.testing.assert_array_equal(THREE.keypoints(j)[pairs[:, 1]], expected.xy1)
+
+
+def test_pairs_and_adjacency_stop_at_the_gap_that_is_asked_for():
+    assert [pair[:2] for pair in THREE.pairs(max_gap=1)] == [(0, 1), (1, 2)]
+    near = THREE.adjacency(max_gap=1)
+    assert near[1, 3] == 0
+    assert THREE.adjacency()[1, 3] == 1
+    np.testing.assert_array_equal(near, near.T)
+    assert near[0, 1] == 2
+
+
+def test_adjacency_grows_to_the_number_of_frames_and_never_shrinks_below_the_tracks():
+    assert THREE.adjacency(6).shape == (6, 6)
+    with pytest.raises(ValueError, match="reach frame 3"):
+        THREE.adjacency(3)
+
+
+def test_no_tracks_are_tracks_as_well():
+    empty = Tracks.from_lists()
+    assert (len(empty), empty.num_frames, list(empty.pairs())) == (0, 0, [])
+    assert empty.adjacency(2).tolist() == [[0, 0], [0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("offsets", "frame", "message"),
+    [
+        ([0, 3], [0, 1], "offsets"),
+        ([0, 2, 1, 2], [0, 1], "fall"),
+        ([0, 2], [1, 1], "increase"),
+        ([0, 2], [-1, 1], "display"),
+    ],
+)
+def test_rows_that_contradict_each_other_are_refused(offsets, frame, message):
+    with pytest.raises(ValueError, match=message):
+        Tracks(
+            offsets=np.array(offsets, np.int64),
+            frame=np.array(frame, np.int32),
+            xy=np.zeros((len(frame), 2), np.float32),
+        )
+
+
+def test_selected_tracks_are_numbered_anew():
+    kept = THREE.select(np.array([False, True, True]))
+    assert kept.frame.tolist() == [1, 3, 0, 1]
+    assert kept.keypoint_index.tolist() == [0, 0, 0, 1]
