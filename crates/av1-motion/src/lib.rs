@@ -1,7 +1,14 @@
 //! AV1 bytes in, motion vectors out.
 #![forbid(unsafe_code)]
+#![allow(dead_code)] // until the parser reads them all
 
-#[allow(dead_code)] // until the parser reads them all
+mod bits;
 mod entropy;
-#[allow(dead_code)] // until the parser reads them all
+mod error;
+mod limits;
+mod obu;
+mod refs;
 mod tables;
+
+pub use error::{Error, Result};
+pub use limits::Limits;

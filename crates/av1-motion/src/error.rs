@@ -1,0 +1,138 @@
+//! What can go wrong while reading a stream: whose fault, where, and in which section of the
+//! specification.
+
+use std::borrow::Cow;
+use std::{fmt, io};
+
+/// Result of everything in this crate that reads a stream.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why a stream, or a part of it, could not be read.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system could not deliver the bytes. The stream itself may be fine.
+    Io(io::Error),
+    /// The bytes break a rule of the specification. The file is damaged or its writer is wrong.
+    Malformed {
+        /// Section of the AV1 specification whose rule is broken, such as `"5.9.2"`.
+        section: &'static str,
+        /// Offset of the fault in the bytes that were handed over, counted from 0.
+        byte_offset: u64,
+        /// The broken rule in one sentence.
+        reason: Cow<'static, str>,
+    },
+    /// The stream is legal, but it uses a feature this crate does not read. Nothing was guessed.
+    Unsupported {
+        /// Name of the feature.
+        feature: String,
+        /// Section of the AV1 specification that defines it.
+        section: &'static str,
+    },
+    /// The stream asks for more than [`Limits`](crate::Limits) allows. Raise the limit if the
+    /// source is trusted.
+    LimitExceeded {
+        /// Name of the field of `Limits`.
+        limit: &'static str,
+        /// What the stream asked for.
+        value: u64,
+        /// What was allowed.
+        maximum: u64,
+    },
+    /// A frame needs an earlier frame that was lost, damaged or never sent. Decoding can resume at
+    /// the next frame that does not depend on it, at the latest at a key frame.
+    MissingReference {
+        /// Which frame is missing, and for what it is needed.
+        reason: Cow<'static, str>,
+        /// Section of the AV1 specification that asks for the frame.
+        section: &'static str,
+        /// Offset of the request in the bytes that were handed over, counted from 0.
+        byte_offset: u64,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(formatter, "could not read the stream: {error}"),
+            Self::Malformed {
+                section,
+                byte_offset,
+                reason,
+            } => write!(
+                formatter,
+                "malformed stream at byte {byte_offset}: {reason} (AV1 specification, section {section})"
+            ),
+            Self::Unsupported { feature, section } => write!(
+                formatter,
+                "unsupported feature: {feature} (AV1 specification, section {section})"
+            ),
+            Self::LimitExceeded {
+                limit,
+                value,
+                maximum,
+            } => write!(
+                formatter,
+                "the stream needs {limit} = {value}, but the limit is {maximum}"
+            ),
+            Self::MissingReference {
+                reason,
+                section,
+                byte_offset,
+            } => write!(
+                formatter,
+                "missing reference frame at byte {byte_offset}: {reason} (AV1 specification, section {section})"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io(error) => Some(error),
+            _ => None,
+        }
+    }
+}
+
+impl From<io::Error> for Error {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl Error {
+    /// A broken rule of `section`, found at `byte_offset`.
+    pub(crate) fn malformed(
+        section: &'static str,
+        byte_offset: u64,
+        reason: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        Self::Malformed {
+            section,
+            byte_offset,
+            reason: reason.into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_malformed_error_names_place_rule_and_section() {
+        let error = Error::malformed("5.3.2", 17, "obu_forbidden_bit is 1");
+        assert_eq!(
+            error.to_string(),
+            "malformed stream at byte 17: obu_forbidden_bit is 1 (AV1 specification, section 5.3.2)"
+        );
+    }
+
+    #[test]
+    fn an_io_error_keeps_its_source() {
+        let error = Error::from(io::Error::other("disk on fire"));
+        assert!(std::error::Error::source(&error).is_some());
+    }
+}
