@@ -5,32 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mvmatch.testing.fields import field_from_rows
 from mvmatch.tracks import TrackOptions, build_tracks
-from mvmatch.types import MotionField
 
 PLAIN = TrackOptions(max_residual=None, epsilon=None, cell=None)
-
-
-def make_field(frame, rows, *, decode_index=None, width=64, height=32):
-    """Motion field from rows of ``(block, mv, ref_frame)``."""
-    count = len(rows)
-    return MotionField(
-        frame=frame,
-        decode_index=frame if decode_index is None else decode_index,
-        pts=None,
-        width=width,
-        height=height,
-        is_key=count == 0,
-        is_shown=True,
-        block=np.array([row[0] for row in rows], np.int32).reshape(-1, 4),
-        mv=np.array([row[1] for row in rows], np.float32).reshape(-1, 2),
-        ref_frame=np.array([row[2] for row in rows], np.int32),
-        flags=np.zeros(count, np.uint16),
-        segment_id=np.zeros(count, np.uint8),
-        qindex=np.zeros(count, np.uint8),
-        residual=np.zeros(count, np.float32),
-        warp=np.full((count, 6), np.nan),
-    )
 
 
 def grid(width, height, size=8):
@@ -39,18 +17,18 @@ def grid(width, height, size=8):
 
 def translating(num_frames, mv, *, width=64, height=32):
     """Fields of a picture that moves by one vector per frame, each block 8 px."""
-    fields = [make_field(0, [], width=width, height=height)]
+    fields = [field_from_rows(0, [], width=width, height=height)]
     for frame in range(1, num_frames):
         rows = [(block, mv, frame - 1) for block in grid(width, height)]
-        fields.append(make_field(frame, rows, width=width, height=height))
+        fields.append(field_from_rows(frame, rows, width=width, height=height))
     return fields
 
 
 def test_points_are_carried_through_blocks_and_not_snapped_to_their_centers():
     fields = [
-        make_field(0, []),
-        make_field(1, [([0, 0, 64, 32], (2.5, 0.0), 0)]),
-        make_field(2, [([8, 8, 8, 8], (3.0, 1.0), 1)]),
+        field_from_rows(0, []),
+        field_from_rows(1, [([0, 0, 64, 32], (2.5, 0.0), 0)]),
+        field_from_rows(2, [([8, 8, 8, 8], (3.0, 1.0), 1)]),
     ]
     tracks = build_tracks(fields, options=PLAIN)
     assert tracks.frame.tolist() == [0, 1, 2]
@@ -99,9 +77,9 @@ def test_extrapolation_follows_a_zoom_that_translation_rounds_to_blocks():
     ]
     size = {"width": 256, "height": 128}
     fields = [
-        make_field(0, [], **size),
-        make_field(1, rows[0], **size),
-        make_field(2, rows[1], **size),
+        field_from_rows(0, [], **size),
+        field_from_rows(1, rows[0], **size),
+        field_from_rows(2, rows[1], **size),
     ]
     error = {}
     for carry in ("translate", "extrapolate"):
@@ -120,7 +98,7 @@ def test_a_pyramid_of_future_references_gives_longer_tracks_when_all_are_followe
         3: [(1.0, 2), (-1.0, 4)],
     }
     fields = [
-        make_field(
+        field_from_rows(
             frame,
             [(block, (dx, 0.0), reference) for block in grid(64, 32) for dx, reference in motion],
             decode_index=decode_index,
@@ -143,7 +121,7 @@ def test_fields_out_of_decode_order_are_refused():
 
 
 def test_arrays_of_the_wrong_shape_are_refused_by_name():
-    field = make_field(1, [([0, 0, 8, 8], (1.0, 0.0), 0)])
+    field = field_from_rows(1, [([0, 0, 8, 8], (1.0, 0.0), 0)])
     object.__setattr__(field, "mv", np.zeros((1, 3), np.float32))
     with pytest.raises(ValueError, match="mv must have the shape"):
         build_tracks([field])

@@ -8,7 +8,10 @@
 //! centre is (0.5, 0.5). A vector leads from the current frame into its reference:
 //! `xy_in_reference = xy_in_current + mv`. Frames are display indices. Everything is deterministic.
 #![forbid(unsafe_code)]
-#![cfg_attr(test, allow(clippy::float_cmp, reason = "expected values are exact in binary"))]
+#![cfg_attr(
+    test,
+    allow(clippy::float_cmp, reason = "expected values are exact in binary")
+)]
 
 mod chain;
 mod cover;

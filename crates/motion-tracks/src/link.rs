@@ -197,8 +197,8 @@ mod tests {
     }
 
     fn points(tracks: &Tracks, track: usize) -> Vec<(i32, f32, f32)> {
-        let range = tracks.offsets[track].unsigned_abs() as usize
-            ..tracks.offsets[track + 1].unsigned_abs() as usize;
+        let bound = |at: usize| usize::try_from(tracks.offsets[at]).unwrap();
+        let range = bound(track)..bound(track + 1);
         range
             .map(|i| (tracks.frames[i], tracks.points[i][0], tracks.points[i][1]))
             .collect()
@@ -317,9 +317,9 @@ mod tests {
             assert!(track.windows(2).all(|pair| pair[0].0 < pair[1].0));
             // Every observation lies where the one true motion of 1 px per frame puts it.
             assert!(
-                track
-                    .windows(2)
-                    .all(|pair| pair[0].1 - pair[1].1 == (pair[1].0 - pair[0].0) as f32)
+                track.windows(2).all(
+                    |pair| f64::from(pair[0].1 - pair[1].1) == f64::from(pair[1].0 - pair[0].0)
+                )
             );
         }
     }
