@@ -102,7 +102,7 @@ impl<'a> BitReader<'a> {
         Ok(self.f(1)? == 1)
     }
 
-    /// §4.10.3 uvlc().
+    /// §4.10.3 `uvlc()`.
     pub(crate) fn uvlc(&mut self) -> Result<u32> {
         let mut leading_zeros = 0;
         while !self.flag()? {
@@ -123,7 +123,7 @@ impl<'a> BitReader<'a> {
         Ok(value)
     }
 
-    /// §4.10.5 leb128(), with the two rules of that section.
+    /// §4.10.5 `leb128()`, with the two rules of that section.
     pub(crate) fn leb128(&mut self) -> Result<u32> {
         let mut value = 0_u64;
         for index in 0..8 {
@@ -175,9 +175,10 @@ impl<'a> BitReader<'a> {
 
     /// §5.3.5 `byte_alignment`: skips to the next byte; the skipped bits must be zero.
     pub(crate) fn byte_alignment(&mut self) -> Result<()> {
-        let skipped = (self.position.wrapping_neg() & 7) as u32;
-        if self.f(skipped)? != 0 {
-            return Err(self.malformed("6.2.5", "a byte-alignment bit is not zero"));
+        while !self.position.is_multiple_of(8) {
+            if self.flag()? {
+                return Err(self.malformed("6.2.5", "a byte-alignment bit is not zero"));
+            }
         }
         Ok(())
     }
@@ -210,7 +211,7 @@ mod tests {
         let mut bits = reader(&[0b1010_0110, 0b1100_0000, 0xff, 0xff, 0xff, 0xff]);
         assert_eq!(bits.f(3).unwrap(), 0b101);
         assert_eq!(bits.f(0).unwrap(), 0);
-        assert_eq!(bits.f(7).unwrap(), 0b00_1101_1);
+        assert_eq!(bits.f(7).unwrap(), 0b001_1011);
         assert_eq!(bits.position(), 10);
         assert_eq!(bits.f(6).unwrap(), 0);
         assert_eq!(bits.f(32).unwrap(), u32::MAX);
@@ -252,7 +253,7 @@ mod tests {
 
     #[test]
     fn variable_length_numbers_follow_their_zeros() {
-        let mut bits = reader(&[0b1_010_011_0, 0b0100_0000]);
+        let mut bits = reader(&[0b1010_0110, 0b0100_0000]);
         assert_eq!(bits.uvlc().unwrap(), 0);
         assert_eq!(bits.uvlc().unwrap(), 1);
         assert_eq!(bits.uvlc().unwrap(), 2);

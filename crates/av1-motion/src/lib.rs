@@ -1,8 +1,9 @@
 //! AV1 bytes in, motion vectors out.
 #![forbid(unsafe_code)]
-#![allow(dead_code)] // until the parser reads them all
+#![allow(dead_code, unused_imports)] // until the parser reads them all
 
 mod bits;
+mod container;
 mod entropy;
 mod error;
 mod limits;
@@ -10,5 +11,6 @@ mod obu;
 mod refs;
 mod tables;
 
+pub use container::{ContainerKind, ContainerReader, Unit};
 pub use error::{Error, Result};
 pub use limits::Limits;

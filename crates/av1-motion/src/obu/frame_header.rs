@@ -8,7 +8,7 @@ use super::global_motion::{DEFAULT_GM_PARAMS, GlobalMotionType};
 use super::loop_filter::LoopFilterParams;
 use super::loop_restoration::LoopRestorationParams;
 use super::quantization::QuantizationParams;
-use super::segmentation::{MAX_SEGMENTS, SEG_LVL_ALT_Q, SegmentationParams};
+use super::segmentation::{MAX_SEGMENTS, SEG_LVL_ALT_Q, SEGMENTS, SegmentationParams};
 use super::tile_info::TileInfo;
 
 /// §3 `NUM_REF_FRAMES`: reference slots.
@@ -227,10 +227,7 @@ impl FrameHeader {
     /// §5.9.2: `LosslessArray`, `CodedLossless` and `AllLossless`.
     pub(crate) fn derive_lossless(&mut self) {
         let no_deltas = self.quantization.has_no_deltas();
-        for segment in 0..MAX_SEGMENTS {
-            let qindex = self.qindex(segment as u8, None);
-            self.lossless_array[segment] = qindex == 0 && no_deltas;
-        }
+        self.lossless_array = SEGMENTS.map(|segment| no_deltas && self.qindex(segment, None) == 0);
         self.coded_lossless = self.lossless_array == [true; MAX_SEGMENTS];
         self.all_lossless =
             self.coded_lossless && self.size.frame_width == self.size.upscaled_width;

@@ -78,12 +78,12 @@ impl ObuHeader {
     }
 
     /// Length in bytes of the header, without `obu_size`.
-    pub(crate) fn length(&self) -> usize {
+    pub(crate) fn length(self) -> usize {
         1 + usize::from(self.has_extension)
     }
 
     /// §5.3.1: whether the operating point `idc` leaves this OBU out (`drop_obu`).
-    pub(crate) fn is_dropped(&self, idc: u16) -> bool {
+    pub(crate) fn is_dropped(self, idc: u16) -> bool {
         let layer_independent = matches!(
             self.obu_type,
             ObuType::SequenceHeader | ObuType::TemporalDelimiter

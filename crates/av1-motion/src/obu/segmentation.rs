@@ -5,6 +5,8 @@ use crate::error::Result;
 
 /// §3 `MAX_SEGMENTS`.
 pub(crate) const MAX_SEGMENTS: usize = 8;
+/// The segments' numbers.
+pub(crate) const SEGMENTS: [u8; MAX_SEGMENTS] = [0, 1, 2, 3, 4, 5, 6, 7];
 /// §3 `SEG_LVL_MAX`.
 pub(crate) const SEG_LVL_MAX: usize = 8;
 /// §3 `SEG_LVL_ALT_Q`.
@@ -32,6 +34,10 @@ pub(crate) struct SegmentationFeatures {
 
 /// §5.9.14 `segmentation_params`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "the flags of the specification, one to one"
+)]
 pub(crate) struct SegmentationParams {
     /// `segmentation_enabled`.
     pub(crate) enabled: bool,
@@ -98,9 +104,9 @@ impl SegmentationParams {
     }
 
     fn derive_segment_id_rules(&mut self) {
-        for (segment, enabled) in self.feature_enabled.iter().enumerate() {
+        for (segment, enabled) in SEGMENTS.iter().zip(&self.feature_enabled) {
             if enabled.contains(&true) {
-                self.last_active_seg_id = segment as u8;
+                self.last_active_seg_id = *segment;
             }
             self.seg_id_pre_skip |= enabled[SEG_LVL_REF_FRAME..].contains(&true);
         }
@@ -127,7 +133,10 @@ fn read_feature_value(reader: &mut BitReader<'_>, feature: usize) -> Result<i16>
     } else {
         reader.f(FEATURE_BITS[feature])?.cast_signed()
     };
-    Ok((value as i16).clamp(-maximum, maximum))
+    // At most nine bits, so the conversion holds.
+    Ok(i16::try_from(value)
+        .unwrap_or(maximum)
+        .clamp(-maximum, maximum))
 }
 
 #[cfg(test)]

@@ -22,33 +22,37 @@ struct Candidates {
 }
 
 impl Candidates {
-    fn unused(&self, backward: bool) -> impl Iterator<Item = (usize, i32)> + '_ {
-        let slots = self.distances.iter().copied().enumerate();
-        slots.filter(move |&(slot, distance)| !self.used[slot] && (distance >= 0) == backward)
+    fn unused(&self, backward: bool) -> impl Iterator<Item = (u8, i32)> + '_ {
+        let slots = (0..).zip(self.distances);
+        slots.filter(move |&(slot, distance)| {
+            !self.used[usize::from(slot)] && (distance >= 0) == backward
+        })
     }
 
     /// `find_latest_backward`: the later slot wins a tie.
-    fn latest_backward(&self) -> Option<usize> {
+    fn latest_backward(&self) -> Option<u8> {
         let best = self.unused(true).max_by_key(|&(_, distance)| distance);
         best.map(|(slot, _)| slot)
     }
 
     /// `find_earliest_backward`: the earlier slot wins a tie.
-    fn earliest_backward(&self) -> Option<usize> {
+    fn earliest_backward(&self) -> Option<u8> {
         let best = self.unused(true).min_by_key(|&(_, distance)| distance);
         best.map(|(slot, _)| slot)
     }
 
     /// `find_latest_forward`: the later slot wins a tie.
-    fn latest_forward(&self) -> Option<usize> {
+    fn latest_forward(&self) -> Option<u8> {
         let best = self.unused(false).max_by_key(|&(_, distance)| distance);
         best.map(|(slot, _)| slot)
     }
 
     /// The earliest of all slots, used or not; the earlier slot wins a tie.
-    fn earliest(&self) -> usize {
-        let slots = 0..NUM_REF_FRAMES;
-        slots.min_by_key(|&slot| self.distances[slot]).unwrap_or(0)
+    fn earliest(&self) -> u8 {
+        let best = (0..)
+            .zip(self.distances)
+            .min_by_key(|&(_, distance)| distance);
+        best.map_or(0, |(slot, _)| slot)
     }
 }
 
@@ -64,18 +68,18 @@ pub(crate) fn set_frame_refs(
         distances,
         used: [false; NUM_REF_FRAMES],
     };
-    let mut slots: [Option<usize>; REFS_PER_FRAME] = [None; REFS_PER_FRAME];
-    slots[LAST] = Some(last_frame_idx.into());
-    slots[GOLDEN] = Some(gold_frame_idx.into());
+    let mut slots: [Option<u8>; REFS_PER_FRAME] = [None; REFS_PER_FRAME];
+    slots[LAST] = Some(last_frame_idx);
+    slots[GOLDEN] = Some(gold_frame_idx);
     candidates.used[usize::from(last_frame_idx)] = true;
     candidates.used[usize::from(gold_frame_idx)] = true;
 
-    let mut name = |reference: usize, find: fn(&Candidates) -> Option<usize>| {
+    let mut name = |reference: usize, find: fn(&Candidates) -> Option<u8>| {
         if slots[reference].is_none()
             && let Some(slot) = find(&candidates)
         {
             slots[reference] = Some(slot);
-            candidates.used[slot] = true;
+            candidates.used[usize::from(slot)] = true;
         }
     };
     name(ALTREF, Candidates::latest_backward);
@@ -85,7 +89,7 @@ pub(crate) fn set_frame_refs(
         name(reference, Candidates::latest_forward);
     }
     let earliest = candidates.earliest();
-    slots.map(|slot| (slot.unwrap_or(earliest) & 7) as u8)
+    slots.map(|slot| slot.unwrap_or(earliest))
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ pub(crate) struct TileInfo {
 }
 
 /// §5.9.16 `tile_log2`.
-fn tile_log2(block_size: u32, target: u32) -> u32 {
+fn tile_log2(block_size: u32, target: u32) -> u8 {
     (0..32)
         .find(|&k| u64::from(block_size) << k >= u64::from(target))
         .unwrap_or(32)
@@ -50,10 +50,10 @@ struct SuperblockGrid {
     columns: u32,
     rows: u32,
     max_tile_width: u32,
-    min_log2_cols: u32,
-    max_log2_cols: u32,
-    max_log2_rows: u32,
-    min_log2_tiles: u32,
+    min_log2_cols: u8,
+    max_log2_cols: u8,
+    max_log2_rows: u8,
+    min_log2_tiles: u8,
 }
 
 impl SuperblockGrid {
@@ -96,13 +96,13 @@ impl TileInfo {
         } else {
             tiles.parse_explicit(reader, &grid)?;
         }
-        tiles.tile_cols = tiles.mi_col_starts.len() as u32;
-        tiles.tile_rows = tiles.mi_row_starts.len() as u32;
+        tiles.tile_cols = count(&tiles.mi_col_starts);
+        tiles.tile_rows = count(&tiles.mi_row_starts);
         tiles.mi_col_starts.push(size.mi_cols);
         tiles.mi_row_starts.push(size.mi_rows);
         if !tiles.uniform_tile_spacing {
-            tiles.tile_cols_log2 = tile_log2(1, tiles.tile_cols) as u8;
-            tiles.tile_rows_log2 = tile_log2(1, tiles.tile_rows) as u8;
+            tiles.tile_cols_log2 = tile_log2(1, tiles.tile_cols);
+            tiles.tile_rows_log2 = tile_log2(1, tiles.tile_rows);
         }
         limits.check_tiles(tiles.num_tiles())?;
         tiles.parse_context_update(reader)?;
@@ -118,8 +118,8 @@ impl TileInfo {
         let cols_log2 = read_log2(reader, grid.min_log2_cols, grid.max_log2_cols)?;
         let min_log2_rows = grid.min_log2_tiles.saturating_sub(cols_log2);
         let rows_log2 = read_log2(reader, min_log2_rows, grid.max_log2_rows)?;
-        self.tile_cols_log2 = cols_log2 as u8;
-        self.tile_rows_log2 = rows_log2 as u8;
+        self.tile_cols_log2 = cols_log2;
+        self.tile_rows_log2 = rows_log2;
         self.mi_col_starts = uniform_starts(grid.columns, cols_log2, grid.shift);
         self.mi_row_starts = uniform_starts(grid.rows, rows_log2, grid.shift);
         Ok(())
@@ -154,8 +154,16 @@ impl TileInfo {
     }
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "there are at most 64 tiles in one direction"
+)]
+fn count(starts: &[u32]) -> u32 {
+    starts.len() as u32
+}
+
 /// Reads increments of a log2 from `minimum` until one is 0 or `maximum` is reached.
-fn read_log2(reader: &mut BitReader<'_>, minimum: u32, maximum: u32) -> Result<u32> {
+fn read_log2(reader: &mut BitReader<'_>, minimum: u8, maximum: u8) -> Result<u8> {
     let mut log2 = minimum;
     while log2 < maximum && reader.flag()? {
         log2 += 1;
@@ -164,7 +172,7 @@ fn read_log2(reader: &mut BitReader<'_>, minimum: u32, maximum: u32) -> Result<u
 }
 
 /// First cells of equal tiles; the last tile may be smaller.
-fn uniform_starts(superblocks: u32, log2: u32, shift: u32) -> Vec<u32> {
+fn uniform_starts(superblocks: u32, log2: u8, shift: u32) -> Vec<u32> {
     let tile_size = superblocks.div_ceil(1 << log2).max(1);
     (0..superblocks)
         .step_by(tile_size as usize)
@@ -182,7 +190,7 @@ fn explicit_starts(
     let mut largest = 1;
     let mut start = 0;
     while start < superblocks {
-        if starts.len() as u32 >= MAX_TILE_COLS {
+        if count(&starts) >= MAX_TILE_COLS {
             return Err(reader.malformed("6.8.14", "more than 64 tiles in one direction"));
         }
         starts.push(start);

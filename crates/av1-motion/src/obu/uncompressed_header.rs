@@ -29,6 +29,10 @@ impl FrameHeader {
     /// Changes `slots` as the header demands before the frame is decoded: a shown key frame
     /// invalidates them, frame ids and `ref_order_hint` reveal lost frames. On an error they are
     /// left as they were. [`ReferenceSlots::update`] stores the frame afterwards.
+    #[expect(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "borrowed like the other facts about the frame"
+    )]
     pub(crate) fn parse(
         reader: &mut BitReader<'_>,
         sequence: &SequenceHeader,
