@@ -28,6 +28,10 @@ class UnsupportedError(MvmatchError, NotImplementedError):
     """The input is valid but uses something mvmatch does not handle; the message names it."""
 
 
+class NotAv1Error(UnsupportedError):
+    """The video is of another codec: it has to be encoded first."""
+
+
 class LimitError(MvmatchError):
     """The input asks for more than the configured limits allow."""
 

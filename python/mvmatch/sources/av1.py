@@ -132,7 +132,7 @@ def open_elementary(path: Path) -> Av1Source:
     ------
     DataError
         The file is none of them.
-    UnsupportedError
+    NotAv1Error
         It is an IVF file of another codec.
     BitstreamError
         It is damaged before the first frame is complete.
@@ -163,8 +163,8 @@ def open_demuxed(path: Path) -> Av1Source:
     ------
     DataError
         FFmpeg does not recognise the file, or there is no video in it.
-    UnsupportedError
-        The video is not AV1.
+    NotAv1Error
+        The video is of another codec.
     BitstreamError
         It is damaged before the first frame is complete.
     """

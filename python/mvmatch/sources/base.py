@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from mvmatch.errors import DataError, UnsupportedError
+from mvmatch.errors import DataError, NotAv1Error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -120,8 +120,10 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
         There is no such file.
     DataError
         The file is empty, is text or holds no video.
+    NotAv1Error
+        The video is of another codec.
     UnsupportedError
-        The video is not AV1.
+        Its first frame uses a coding tool that is not handled.
     BitstreamError
         The stream is damaged before its first frame is complete.
     """
@@ -150,9 +152,9 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
     return av1.open_demuxed(path)
 
 
-def unsupported_codec(path: Path, codec: str) -> UnsupportedError:
+def unsupported_codec(path: Path, codec: str) -> NotAv1Error:
     """Return the error for a video that is not AV1, with the way out."""
-    return UnsupportedError(
+    return NotAv1Error(
         f"{path} holds {codec} video; motion vectors are read from AV1 only. "
         f"Re-encode it: mvmatch encode {path} {path.stem}.ivf (or let `mvmatch run` do it)"
     )

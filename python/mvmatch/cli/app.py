@@ -1,0 +1,92 @@
+"""The verbs together, and the one place where errors end."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from cyclopts import App, CycloptsError
+
+import mvmatch
+from mvmatch.cli import models, stages
+from mvmatch.cli.console import Outcome, describe, show, show_error
+from mvmatch.cli.settings import UsageError
+from mvmatch.errors import MvmatchError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_HELP = """Motion vectors of AV1 video as correspondences, tracks and COLMAP models.
+
+The shortest way: `mvmatch run VIDEO -o out`. Exit codes: 0 done, 1 the data or a part of the result
+is at fault, 2 the command line is."""
+
+
+def build_app() -> App:
+    """Return the command line."""
+    app = App(name="mvmatch", help=_HELP, version=mvmatch.__version__)
+    verbs = (
+        models.run,
+        stages.probe,
+        stages.encode,
+        stages.extract,
+        stages.track,
+        models.export,
+        models.score,
+        models.reconstruct,
+        stages.encoders,
+    )
+    for position, verb in enumerate(verbs):
+        app.command(verb, sort_key=position)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Words after the program's name; those of the process without.
+
+    Returns
+    -------
+    int
+        0 done, 1 fault in the data (or only a part could be done), 2 fault in the command line,
+        130 interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    as_json = "--json" in words
+    try:
+        outcome = build_app()(
+            words, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+    except CycloptsError as error:
+        return _refuse(
+            error, "`mvmatch --help` lists the verbs, `mvmatch VERB --help` their words."
+        )
+    except (UsageError, FileNotFoundError) as error:
+        return _refuse(error, f"See `mvmatch {words[0]} --help`.")
+    except (MvmatchError, PermissionError, IsADirectoryError, NotADirectoryError) as error:
+        if as_json:
+            print(json.dumps({"verb": words[0], "error": describe(error)}))
+        show_error(error)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted: nothing was left behind", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if isinstance(outcome, Outcome):
+        show(outcome, verb=words[0], as_json=as_json)
+        return 0 if outcome.failure is None else 1
+    return 0
+
+
+def _refuse(error: Exception, advice: str) -> int:
+    print(f"usage: {str(error).strip()}", file=sys.stderr)
+    print(f"       {advice}", file=sys.stderr)
+    return 2

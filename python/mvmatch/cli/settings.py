@@ -1,0 +1,84 @@
+"""Options of a verb: preset, then file, then single values, then flags."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter, validators
+
+from mvmatch.config import RunOptions, from_mapping, load_options
+from mvmatch.errors import DataError
+from mvmatch.tracks import TrackOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ExistingPath = Annotated[Path, Parameter(validator=validators.Path(exists=True))]
+ExistingFile = Annotated[
+    Path, Parameter(validator=validators.Path(exists=True, dir_okay=False, file_okay=True))
+]
+Output = Annotated[Path, Parameter(alias="-o")]
+Json = Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout.")]
+
+
+class UsageError(Exception):
+    """The words of the command line do not fit together."""
+
+
+@Parameter(name="*")
+@dataclass(kw_only=True)
+class Settings:
+    """Options that most verbs share."""
+
+    preset: Literal["default", "paper"] = "default"
+    """Rules of tracking: what measured best, or the paper's to the letter."""
+
+    config: ExistingFile | None = None
+    """TOML file with options; `mvmatch run --print-config` shows one."""
+
+    set: Annotated[
+        list[str], Parameter(metavar="STAGE.NAME=VALUE", negative="", consume_multiple=False)
+    ] = field(default_factory=list[str])
+    """One option, such as track.max_gap=20; can be repeated."""
+
+    def options(self) -> RunOptions:
+        """Return the options of all stages."""
+        options = RunOptions(track=TrackOptions.preset(self.preset))
+        if self.config is not None:
+            options = load_options(self.config, options)
+        return apply_assignments(self.set, options)
+
+
+def apply_assignments(assignments: Sequence[str], options: RunOptions) -> RunOptions:
+    """Set single options by ``stage.name=value``; values are TOML, bare words are texts."""
+    for assignment in assignments:
+        name, equals, text = assignment.partition("=")
+        if not equals or not name.strip():
+            message = f"--set takes STAGE.NAME=VALUE, not {assignment!r}"
+            raise UsageError(message)
+        nested: Any = _value(text.strip())
+        for word in reversed(name.strip().split(".")):
+            nested = {word: nested}
+        try:
+            options = from_mapping(nested, options)
+        except (DataError, ValueError) as error:
+            message = f"--set {assignment}: {error}"
+            raise UsageError(message) from error
+    return options
+
+
+def _value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def with_encoder(options: RunOptions, encoder: Any) -> RunOptions:
+    """Return the options with another encoder, if one was named."""
+    if encoder is None:
+        return options
+    return replace(options, encode=replace(options.encode, encoder=encoder))

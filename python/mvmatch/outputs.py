@@ -1,0 +1,171 @@
+"""The folder of a run: its files, how they appear in it, and the plain facts of the report."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import importlib.metadata
+import platform
+import shutil
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mvmatch.errors import DataError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from mvmatch.camera import CameraChoice
+    from mvmatch.encode import EncodeResult
+    from mvmatch.sfm import MapperOptions, ReconstructionResult
+    from mvmatch.types import VideoInfo
+
+VIDEO = "encoded.ivf"
+"""The input encoded for matching; absent when the input was used as it is."""
+TRACKS = "tracks.parquet"
+DATABASE = "database.db"
+MODEL = "sparse"
+"""Folder of the COLMAP model ``0``; absent when no model was accepted."""
+REPORT = "report.json"
+PAGE = "report.html"
+
+_OURS = (VIDEO, TRACKS, DATABASE, MODEL, PAGE, REPORT)
+_LIBRARIES = ("numpy", "av", "pycolmap", "pyarrow")
+
+
+@contextmanager
+def staging(out: Path) -> Generator[Path]:
+    """Give a hidden folder inside ``out`` that is gone afterwards, and ``out`` with it if empty.
+
+    Raises
+    ------
+    DataError
+        ``out`` is a file, holds something that is no run, or cannot be written.
+    """
+    if out.exists() and not out.is_dir():
+        message = f"{out} is a file. Give a folder for the results"
+        raise DataError(message)
+    foreign = [name for name in _OURS if (out / name).exists()]
+    if foreign and not (out / REPORT).is_file():
+        message = (
+            f"{out} holds {foreign[0]} that no run of mvmatch made: it would be replaced. "
+            "Give another folder with -o"
+        )
+        raise DataError(message)
+    existed = out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
+    except OSError as error:
+        message = f"cannot write into {out} ({error.strerror}). Choose another folder with -o"
+        raise DataError(message) from error
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not existed and not any(out.iterdir()):
+            out.rmdir()
+
+
+def publish(folder: Path, out: Path) -> None:
+    """Move what a run made into its place; the report comes last, so that it means complete."""
+    for name in reversed(_OURS):
+        _remove(out / name)
+    for name in _OURS:
+        made = folder / name
+        if made.exists():
+            made.replace(out / name)
+
+
+def provenance() -> dict[str, Any]:
+    """Return which programs made the report, and when."""
+    versions = {name: _version(name) for name in _LIBRARIES}
+    versions["python"] = platform.python_version()
+    versions["system"] = platform.platform()
+    now = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+    return {
+        "schema_version": 1,
+        "mvmatch": {
+            "version": _version("mvmatch"),
+            "created": now,
+            "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+            "versions": versions,
+        },
+    }
+
+
+def describe_input(source: Path, info: VideoInfo, encoding: EncodeResult | None) -> dict[str, Any]:
+    """Return the key ``input`` of the report."""
+    kind = "av1" if encoding is None else "frames" if encoding.image_names else "video"
+    facts: dict[str, Any] = {"path": str(source), "kind": kind, **dataclasses.asdict(info)}
+    facts["encoding"] = None
+    if encoding is not None:
+        facts["encoding"] = {
+            "encoder": encoding.encoder,
+            "settings": encoding.settings,
+            "num_frames": encoding.num_frames,
+            "num_bytes": encoding.num_bytes,
+            "seconds": encoding.seconds,
+            "cpu_seconds": encoding.cpu_seconds,
+        }
+    return facts
+
+
+def describe_camera(choice: CameraChoice, model: ReconstructionResult) -> dict[str, Any]:
+    """Return the key ``camera`` of the report."""
+    final = None
+    if model.reconstruction is not None and model.reconstruction.cameras:
+        camera = next(iter(model.reconstruction.cameras.values()))
+        final = [float(value) for value in camera.params]
+    return {
+        "source": choice.source,
+        "is_prior": choice.is_prior,
+        "model": choice.camera.model.name,
+        "params": [float(value) for value in choice.camera.params],
+        "final_params": final,
+    }
+
+
+def describe_model(model: ReconstructionResult, options: MapperOptions) -> dict[str, Any]:
+    """Return the key ``model`` of the report."""
+    return {
+        "mapper": options.mapper,
+        "accepted": model.accepted,
+        "reasons": list(model.reasons),
+        "registered": model.registered,
+        "total": model.total,
+        "num_points": model.num_points,
+        "mean_reprojection_error": model.mean_reprojection_error,
+        "mean_track_length": model.mean_track_length,
+        "attempts": [plain(attempt) for attempt in model.attempts],
+    }
+
+
+def plain(value: Any) -> Any:
+    """Return options and results as values that JSON knows."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _version(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None

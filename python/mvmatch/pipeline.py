@@ -1,0 +1,371 @@
+"""From a video to tracks, and from a video to a model: the only place that knows the order."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from mvmatch import outputs
+from mvmatch.camera import parse_camera
+from mvmatch.config import RunOptions, to_mapping
+from mvmatch.encode import EncodeResult, encode_video
+from mvmatch.errors import DataError, MvmatchError, NotAv1Error
+from mvmatch.export.colmap import write_database
+from mvmatch.measure import StageClock, peak_rss_mb
+from mvmatch.sfm import reconstruct
+from mvmatch.sources import FrameFacts, MotionSource, ReferenceStructure, open_video
+from mvmatch.store import StoredMotion, TracksTable, is_table, write_tracks
+from mvmatch.tracks import TrackOptions, build_tracks
+from mvmatch.types import Tracks, VideoInfo
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from mvmatch.camera import CameraChoice
+    from mvmatch.export.colmap import DatabaseSummary
+    from mvmatch.sfm import ReconstructionResult
+    from mvmatch.types import MotionField
+
+
+class Progress(Protocol):
+    """Told how far a stage is; ``total`` is None where nobody knows."""
+
+    def __call__(self, stage: str, done: int, total: int | None) -> None:
+        """Take note."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Match:
+    """Tracks of a video and how the video was coded."""
+
+    tracks: Tracks
+    info: VideoInfo
+    """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
+    frames: tuple[FrameFacts, ...]
+    """Header facts in decode order."""
+    structure: ReferenceStructure
+    """Counts of vectors per reference distance and frame pair."""
+    damage: MvmatchError | None
+    """Why the stream broke off; the tracks cover the frames before."""
+
+    @property
+    def num_frames(self) -> int:
+        """Pictures, display index 0 to ``num_frames - 1``."""
+        return self.info.num_frames or 0
+
+    @property
+    def warnings(self) -> list[str]:
+        """What makes matching hard, and damage, in sentences."""
+        found = self.structure.warnings(self.frames)
+        if self.damage is not None:
+            found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """What :func:`reconstruct_video` made."""
+
+    out: Path
+    match: Match
+    database: DatabaseSummary
+    model: ReconstructionResult
+    camera: CameraChoice
+    encoding: EncodeResult | None
+    data: dict[str, Any]
+    """The report (docs/reference/report-schema.md)."""
+
+
+def match_video(
+    video: Path,
+    *,
+    options: TrackOptions | None = None,
+    progress: Progress | None = None,
+) -> Match:
+    """Read a video's motion vectors and chain them into tracks.
+
+    Parameters
+    ----------
+    video : Path
+        An AV1 video, or a motion table that ``mvmatch extract`` wrote.
+    options : TrackOptions, optional
+        How vectors become tracks; the default preset without.
+    progress : Progress, optional
+        Told after each frame.
+
+    Returns
+    -------
+    Match
+        Tracks in px. When the stream is damaged after its second picture, those of the pictures
+        before, with the damage named.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    DataError
+        The file is not a video, or has no motion vectors (one frame, key frames only).
+    UnsupportedError
+        The video is not AV1, or uses a tool that is not handled.
+    BitstreamError
+        It is damaged before there are two pictures.
+    """
+    options = options or TrackOptions.preset("default")
+    structure = ReferenceStructure()
+    with open_source(video) as source:
+        reading = _Reading(source, structure, progress)
+        tracks = build_tracks(reading, options=options)
+        frames, info = tuple(source.frames), source.info
+    num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
+    if reading.damage is not None:
+        if num_frames < 2:
+            raise reading.damage
+        tracks = _first_frames(tracks, num_frames)
+    _require_motion(video, frames, structure, num_frames)
+    return Match(
+        tracks=tracks,
+        info=dataclasses.replace(info, num_frames=num_frames),
+        frames=frames,
+        structure=structure,
+        damage=reading.damage,
+    )
+
+
+def reconstruct_video(
+    source: Path,
+    out: Path,
+    *,
+    camera: str | None = None,
+    options: RunOptions | None = None,
+    reencode: bool = False,
+    progress: Progress | None = None,
+) -> Run:
+    """Turn a video or a folder of frames into tracks, a COLMAP database, a model and a report.
+
+    Parameters
+    ----------
+    source : Path
+        An AV1 video, any other video FFmpeg decodes, or a folder of at least two images.
+    out : Path
+        Folder for the results. It is filled when everything is complete: on an error nothing is
+        left there. An older run in it is replaced.
+    camera : str, optional
+        See :func:`mvmatch.camera.parse_camera`; a prior without.
+    options : RunOptions, optional
+        Options of all stages.
+    reencode : bool
+        Encode AV1 input anew instead of using it as it is.
+    progress : Progress, optional
+        Told about all stages.
+
+    Returns
+    -------
+    Run
+        With ``model.accepted`` False when the mapper found no model that holds: then ``out`` has
+        everything but ``sparse/``.
+
+    Raises
+    ------
+    MvmatchError
+        As :func:`match_video`; also an encoder that is missing, and ``out`` that cannot be written.
+    """
+    options = options or RunOptions()
+    source, out = Path(source), Path(out)
+    clock = StageClock()
+    with outputs.staging(out) as staging:
+        with clock.stage("encode"):
+            video, encoding = _encoded(source, staging, options, reencode, progress)
+        if encoding is None:
+            clock.stages.clear()
+        with clock.stage("match"):
+            match = match_video(video, options=options.track, progress=progress)
+        choice = parse_camera(camera, match.info.width, match.info.height)
+        names = _image_names(match.num_frames, encoding)
+        table = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
+        database = staging / outputs.DATABASE
+        _tell(progress, "verify")
+        with clock.stage("verify and write database"):
+            summary = write_database(
+                match.tracks,
+                database,
+                camera=choice.camera,
+                image_names=names,
+                verification=options.verification,
+                max_gap=options.track.max_gap,
+            )
+        write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
+        _tell(progress, "map")
+        with clock.stage("map"):
+            model = reconstruct(database, staging / outputs.MODEL, options=options.mapper)
+        run = Run(
+            out=out,
+            match=match,
+            database=summary,
+            model=model,
+            camera=choice,
+            encoding=encoding,
+            data={},
+        )
+        run.data.update(_report_data(run, source, options, clock))
+        _write_report(staging, run.data)
+        outputs.publish(staging, out)
+    return run
+
+
+def open_source(path: Path) -> MotionSource:
+    """Open a video or a stored motion table; see :func:`mvmatch.sources.open_video`."""
+    return StoredMotion(path) if is_table(path) else open_video(path)
+
+
+class _Reading:
+    """The fields of a source up to its end or its damage, counted on the way."""
+
+    def __init__(
+        self, source: MotionSource, structure: ReferenceStructure, progress: Progress | None
+    ) -> None:
+        self._source = source
+        self._structure = structure
+        self._progress = progress
+        self.damage: MvmatchError | None = None
+
+    def __iter__(self) -> Iterator[MotionField]:
+        total = self._source.info.num_frames
+        try:
+            for count, field in enumerate(self._source, 1):
+                self._structure.add(field)
+                if self._progress is not None:
+                    self._progress("match", count, total)
+                yield field
+        except MvmatchError as error:
+            self.damage = error
+
+
+def _require_motion(
+    video: Path, frames: Sequence[FrameFacts], structure: ReferenceStructure, num_frames: int
+) -> None:
+    if num_frames < 2:
+        message = f"{video} shows only one picture; motion needs at least two. Give a longer video"
+        raise DataError(message)
+    if structure.num_vectors:
+        return
+    if all(frame.frame_type == "KEY" for frame in frames if not frame.is_repeat):
+        reason = f"every one of its {num_frames} frames is a key frame"
+    else:
+        reason = "none of its blocks is predicted from another picture"
+    message = (
+        f"{video} holds no motion vectors: {reason}. "
+        f"Encode it anew for matching: mvmatch run {video} --re-encode, or mvmatch encode"
+    )
+    raise DataError(message)
+
+
+def _encoded(
+    source: Path,
+    staging: Path,
+    options: RunOptions,
+    reencode: bool,  # noqa: FBT001
+    progress: Progress | None,
+) -> tuple[Path, EncodeResult | None]:
+    """Return a video with usable motion: the source itself if it is AV1, else its encoding."""
+    if not source.exists():
+        message = f"there is no file or folder {source}"
+        raise FileNotFoundError(message)
+    if not source.is_dir() and not reencode:
+        try:
+            with open_source(source):
+                return source, None
+        except NotAv1Error:
+            pass  # any video that FFmpeg decodes can be encoded
+
+    def encoding(done: int, total: int | None) -> None:
+        if progress is not None:
+            progress("encode", done, total)
+
+    result = encode_video(
+        source, staging / outputs.VIDEO, options=options.encode, progress=encoding
+    )
+    return result.path, result
+
+
+def _image_names(num_frames: int, encoding: EncodeResult | None) -> tuple[str, ...]:
+    if encoding is not None and encoding.image_names is not None:
+        return encoding.image_names[:num_frames]
+    return frame_names(num_frames)
+
+
+def frame_names(num_frames: int) -> tuple[str, ...]:
+    """Names of a video's frames in a COLMAP model; they sort in frame order."""
+    return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
+
+
+def _first_frames(tracks: Tracks, num_frames: int) -> Tracks:
+    """Drop observations of pictures that the stream announced but never showed."""
+    keep = tracks.frame < num_frames
+    length = np.add.reduceat(keep, tracks.offsets[:-1]) if len(tracks) else np.zeros(0, np.int64)
+    # Frames increase in a track, so what is cut is its end; a single point is no track.
+    keep &= np.repeat(length > 1, np.diff(tracks.offsets))
+    length = length[length > 1]
+    return Tracks(
+        offsets=np.concatenate([[0], np.cumsum(length)]).astype(np.int64),
+        frame=tracks.frame[keep],
+        xy=tracks.xy[keep],
+    )
+
+
+def _tell(progress: Progress | None, stage: str) -> None:
+    if progress is not None:
+        progress(stage, 0, None)
+
+
+def _write_report(folder: Path, data: dict[str, Any]) -> None:
+    from mvmatch.report import write_report
+
+    write_report(folder, data)
+
+
+def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock) -> dict[str, Any]:
+    match, model = run.match, run.model
+    tracks = match.tracks
+    after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
+    lengths = np.diff(tracks.offsets)
+    warnings = [*(run.encoding.warnings if run.encoding else ()), *match.warnings]
+    if run.camera.is_prior:
+        warnings.append(
+            f"No camera was given ({run.camera.source}). With --camera the model is more accurate."
+        )
+    return {
+        **outputs.provenance(),
+        "input": outputs.describe_input(source, match.info, run.encoding),
+        "camera": outputs.describe_camera(run.camera, model),
+        "options": to_mapping(options),
+        "reference_structure": match.structure.summary(match.frames),
+        "stages": [dataclasses.asdict(stage) for stage in clock.stages],
+        "peak_rss_mb": peak_rss_mb(),
+        "matches": {
+            "num_tracks": len(tracks),
+            "num_observations": len(tracks.frame),
+            "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
+            "max_track_length": int(lengths.max()) if len(lengths) else 0,
+            "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
+            "matches_per_image": after.sum(axis=1).tolist(),
+            "num_pairs": run.database.num_pairs,
+            "num_verified_pairs": run.database.num_verified_pairs,
+            "num_matches": run.database.num_matches,
+            "num_inliers": run.database.num_inliers,
+        },
+        "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
+        "adjacency_after": after.tolist(),
+        "scores": [dataclasses.asdict(score) for score in run.database.scores],
+        "model": outputs.describe_model(model, options.mapper),
+        "damage": (
+            None
+            if match.damage is None
+            else {"message": str(match.damage), "frames_read": len(match.frames)}
+        ),
+        "warnings": warnings,
+    }

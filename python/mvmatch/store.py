@@ -1,0 +1,314 @@
+"""Parquet tables of motion and tracks, streamed in row groups.
+
+Each file says in its metadata which schema it follows, what its columns mean and in which units, so
+that it can be read without mvmatch. A file appears under its name only when it is complete.
+"""
+
+# pyarrow ships no types.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mvmatch.errors import DataError
+from mvmatch.sources.base import FrameFacts
+from mvmatch.types import MotionField, Tracks, VideoInfo
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+    import pyarrow as pa
+
+SCHEMA_VERSION = 1
+"""Raised when a column changes its meaning."""
+
+_CONVENTIONS = (
+    "pixels; [x, y], x right, y down; origin at the upper-left image corner, so the centre of the "
+    "first pixel is (0.5, 0.5); frame = display index from 0; "
+    "xy_in_reference = xy_in_current + mv"
+)
+_ROWS_PER_GROUP = 1 << 20
+_KEY = b"mvmatch"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TracksTable:
+    """Tracks and what a later stage needs to know about their video."""
+
+    tracks: Tracks
+    info: VideoInfo
+    image_names: tuple[str, ...]
+    """Name of the image of every frame; its length is the number of frames."""
+
+
+def write_motion(
+    fields: Iterable[MotionField],
+    path: Path,
+    *,
+    info: VideoInfo,
+    frames: Callable[[], Sequence[FrameFacts]],
+) -> int:
+    """Write motion fields, one row group per frame; intra frames have facts but no rows.
+
+    Parameters
+    ----------
+    fields : iterable of MotionField
+        In decode order; read once, never held.
+    path : Path
+        The Parquet file to write.
+    info : VideoInfo
+        Facts of the video.
+    frames : callable
+        Asked for the header facts when the last field is written.
+
+    Returns
+    -------
+    int
+        Rows written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = 0
+    schema = _motion_schema()
+    headers: list[dict[str, Any]] = []
+    with _in_place(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
+        for field in fields:
+            headers.append(_field_header(field))
+            if len(field):
+                writer.write_batch(pa.record_batch(_motion_columns(field), schema=schema))
+                rows += len(field)
+        facts = [asdict(frame) for frame in frames()]
+        extra = {"info": asdict(info), "fields": headers, "frames": facts}
+        writer.add_key_value_metadata(_metadata("motion", extra))
+    return rows
+
+
+class StoredMotion:
+    """A motion table as a motion source: what :func:`write_motion` wrote, frame by frame."""
+
+    def __init__(self, path: Path) -> None:
+        self._file, extra = _open("motion", path)
+        self._info = VideoInfo(**extra["info"])
+        self._fields: list[dict[str, Any]] = extra["fields"]
+        self._frames = [_frame_facts(frame) for frame in extra["frames"]]
+
+    @property
+    def info(self) -> VideoInfo:
+        """What is known about the video."""
+        return self._info
+
+    @property
+    def frames(self) -> Sequence[FrameFacts]:
+        """Header facts of all frames."""
+        return self._frames
+
+    def __enter__(self) -> StoredMotion:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def __iter__(self) -> Iterator[MotionField]:
+        """Yield the fields in the order in which they were written."""
+        import pyarrow as pa
+
+        group = 0
+        for header in self._fields:
+            facts = dict(header)
+            rows = facts.pop("rows")
+            if rows:
+                table = self._file.read_row_group(group)
+                group += 1
+            else:
+                table = pa.Table.from_batches([], schema=_motion_schema())
+            yield MotionField(**facts, **_motion_arrays(table))
+
+
+def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) -> None:
+    """Write tracks: one row per observation, ordered by track and frame.
+
+    Parameters
+    ----------
+    table : TracksTable
+        Tracks with their video.
+    path : Path
+        The Parquet file to write.
+    options : mapping
+        The options that made the tracks, kept in the metadata.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    tracks = table.tracks
+    lengths = np.diff(tracks.offsets)
+    xy = np.ascontiguousarray(tracks.xy.T)
+    columns = {
+        "track": pa.array(np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)),
+        "frame": pa.array(np.ascontiguousarray(tracks.frame)),
+        "x": pa.array(xy[0]),
+        "y": pa.array(xy[1]),
+    }
+    extra = {
+        "info": asdict(table.info),
+        "image_names": list(table.image_names),
+        "options": dict(options),
+    }
+    arrow = pa.table(columns).replace_schema_metadata(_metadata("tracks", extra))
+    with _in_place(path) as temporary:
+        pq.write_table(arrow, temporary, row_group_size=_ROWS_PER_GROUP, compression="zstd")
+
+
+def read_tracks(path: Path) -> TracksTable:
+    """Read what :func:`write_tracks` wrote.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    DataError
+        It is not a track table of this version.
+    """
+    file, extra = _open("tracks", path)
+    with file:
+        arrow = file.read()
+    track = arrow["track"].to_numpy()
+    num_tracks = int(track[-1]) + 1 if len(track) else 0
+    offsets = np.searchsorted(track, np.arange(num_tracks + 1)).astype(np.int64)
+    xy = np.stack([arrow["x"].to_numpy(), arrow["y"].to_numpy()], axis=1)
+    return TracksTable(
+        tracks=Tracks(offsets=offsets, frame=arrow["frame"].to_numpy().copy(), xy=xy),
+        info=VideoInfo(**extra["info"]),
+        image_names=tuple(extra["image_names"]),
+    )
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is Parquet (tables are told from videos by their first bytes)."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(4) == b"PAR1"
+
+
+def _open(kind: str, path: Path) -> tuple[Any, dict[str, Any]]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not path.exists():
+        message = f"there is no file {path}"
+        raise FileNotFoundError(message)
+    try:
+        file = pq.ParquetFile(path)
+        extra = json.loads(file.metadata.metadata[_KEY])
+    except (pa.ArrowInvalid, KeyError, TypeError, ValueError) as error:
+        maker = "extract" if kind == "motion" else "track"
+        message = f"{path} is not a {kind} table; `mvmatch {maker}` writes one"
+        raise DataError(message) from error
+    if extra["kind"] != kind:
+        message = f"{path} is a {extra['kind']} table; a {kind} table is needed here"
+        raise DataError(message)
+    if extra["schema_version"] != SCHEMA_VERSION:
+        message = (
+            f"{path} follows schema {extra['schema_version']}, this mvmatch reads "
+            f"{SCHEMA_VERSION}; write it again from the video"
+        )
+        raise DataError(message)
+    return file, extra
+
+
+def _metadata(kind: str, extra: Mapping[str, Any]) -> dict[bytes, bytes]:
+    described = {"kind": kind, "schema_version": SCHEMA_VERSION, "conventions": _CONVENTIONS}
+    return {_KEY: json.dumps({**described, **extra}).encode()}
+
+
+def _motion_schema() -> pa.Schema:
+    import pyarrow as pa
+
+    def column(name: str, kind: Any, unit: str) -> Any:
+        return pa.field(name, kind, nullable=False, metadata={"unit": unit})
+
+    return pa.schema(
+        [
+            column("frame", pa.int32(), "display index"),
+            column("x", pa.int32(), "px, left edge of the block"),
+            column("y", pa.int32(), "px, upper edge of the block"),
+            column("w", pa.int32(), "px"),
+            column("h", pa.int32(), "px"),
+            column("mv_x", pa.float32(), "px"),
+            column("mv_y", pa.float32(), "px"),
+            column("ref_frame", pa.int32(), "display index"),
+            column("flags", pa.uint16(), "bits of mvmatch.MotionFlags"),
+            column("segment_id", pa.uint8(), "1"),
+            column("qindex", pa.uint8(), "1"),
+            column("residual", pa.float32(), "sum of absolute quantised luma levels"),
+            column("warp", pa.list_(pa.float64(), 6), "[a, b, c, d, e, f]; NaN without a model"),
+        ]
+    )
+
+
+def _motion_columns(field: MotionField) -> list[Any]:
+    import pyarrow as pa
+
+    block, mv = np.ascontiguousarray(field.block.T), np.ascontiguousarray(field.mv.T)
+    warp = pa.FixedSizeListArray.from_arrays(np.ascontiguousarray(field.warp).ravel(), 6)
+    frame = np.full(len(field), field.frame, np.int32)
+    plain = (field.ref_frame, field.flags, field.segment_id, field.qindex, field.residual)
+    return [pa.array(values) for values in (frame, *block, *mv, *plain)] + [warp]
+
+
+def _motion_arrays(table: Any) -> dict[str, Any]:
+    def column(name: str) -> Any:
+        return table[name].to_numpy()
+
+    warp = table["warp"].combine_chunks().flatten().to_numpy().reshape(-1, 6)
+    same = ("ref_frame", "flags", "segment_id", "qindex", "residual")
+    return {
+        "block": np.stack([column(name) for name in ("x", "y", "w", "h")], axis=1),
+        "mv": np.stack([column("mv_x"), column("mv_y")], axis=1),
+        "warp": warp,
+        **{name: column(name) for name in same},
+    }
+
+
+def _frame_facts(values: dict[str, Any]) -> FrameFacts:
+    references: tuple[int, ...] = tuple(values.pop("ref_display_index"))
+    return FrameFacts(**values, ref_display_index=references)
+
+
+def _field_header(field: MotionField) -> dict[str, Any]:
+    bare = ("frame", "decode_index", "pts", "width", "height", "is_key", "is_shown")
+    return {**{name: getattr(field, name) for name in bare}, "rows": len(field)}
+
+
+@contextmanager
+def _in_place(path: Path) -> Generator[Path]:
+    """Give a temporary name beside ``path`` that becomes ``path`` when the body succeeds."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.touch(exist_ok=False)
+    except OSError as error:
+        message = f"cannot write {path} ({error.strerror}). Choose another place"
+        raise DataError(message) from error
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
