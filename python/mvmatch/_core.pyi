@@ -95,7 +95,7 @@ class TrackLinker:
         keep_zero: bool,
         max_residual: float | None,
         num_neighbors: int,
-        carry: Literal["translate", "extrapolate", "predict"],
+        carry: Literal["translate", "extrapolate", "predict", "fuse"],
         follow: Literal["nearest", "all"],
         epsilon: float | None,
         tau: float,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from mvmatch.types import MotionField
 
-Carry = Literal["translate", "extrapolate", "predict"]
+Carry = Literal["translate", "extrapolate", "predict", "fuse"]
 Follow = Literal["nearest", "all"]
 
 
@@ -28,8 +28,10 @@ class TrackOptions:
     num_neighbors: int = 12
     """Nearest blocks with the same reference that predict a vector; 1 to 32."""
     carry: Carry = "translate"
-    """What moves a point off its block's centre: the block's vector alone, the vector extrapolated
-    with the slope of the motion around it, or the neighbours' prediction."""
+    """What moves a point: the vector of the block that covers it (``translate``), the vector
+    extrapolated off the block's centre with the slope of the motion around it (``extrapolate``),
+    what the neighbours predict (``predict``), or vector and prediction weighted by how far each can
+    be trusted (``fuse``: the smallest error over one frame and over ten)."""
     follow: Follow = "nearest"
     """Which references of a compound block are followed: the one nearest in display order (the past
     one of two equally near), or all of them."""

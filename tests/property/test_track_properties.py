@@ -49,7 +49,7 @@ OPTIONS = st.builds(
     TrackOptions,
     keep_zero=st.booleans(),
     max_residual=st.sampled_from([None, 1.5]),
-    carry=st.sampled_from(["translate", "extrapolate", "predict"]),
+    carry=st.sampled_from(["translate", "extrapolate", "predict", "fuse"]),
     follow=st.sampled_from(["nearest", "all"]),
     epsilon=st.sampled_from([None, 0.1]),
     cell=st.sampled_from([None, 8]),
@@ -114,7 +114,7 @@ def test_scaling_a_field_scales_its_tracks(fields, scale, follow):
 @given(
     step=st.tuples(st.integers(-24, 24), st.integers(-24, 24)),
     num_frames=st.integers(3, 6),
-    carry=st.sampled_from(["translate", "extrapolate", "predict"]),
+    carry=st.sampled_from(["translate", "extrapolate", "predict", "fuse"]),
 )
 @settings(deadline=None)
 def test_tracks_on_a_pure_translation_are_exact(step, num_frames, carry):

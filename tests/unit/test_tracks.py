@@ -57,7 +57,7 @@ def test_the_neighbor_filter_removes_the_vector_that_stands_alone():
     assert len(kept) > 10
 
 
-@pytest.mark.parametrize("carry", ["translate", "extrapolate", "predict"])
+@pytest.mark.parametrize("carry", ["translate", "extrapolate", "predict", "fuse"])
 def test_a_translation_is_carried_alike_by_every_rule(carry):
     fields = translating(5, (1.25, -0.5))
     tracks = build_tracks(fields, options=TrackOptions(carry=carry))

@@ -13,7 +13,14 @@ pub enum Carry {
     Extrapolate,
     /// The motion that the neighbours predict; the block's vector only decides that it is trusted.
     Predict,
+    /// The block's vector and its neighbours' prediction, weighted by how far each can be trusted,
+    /// extrapolated with the slope of the neighbours' motion.
+    Fuse,
 }
+
+/// Noise of a block's own vector in px, for [`Carry::Fuse`]. Vectors are quantised and chosen for
+/// their bits; 0.3 was best among 0.15 to 0.5 on rendered sequences with exact truth.
+const VECTOR_NOISE: f32 = 0.3;
 
 /// Which rows of a compound block a point follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,7 +78,7 @@ impl Motion {
             linear: [0.0; 4],
         };
         match (carry, fit) {
-            (Carry::Translate, _) | (Carry::Predict, None) => still,
+            (Carry::Translate, _) | (Carry::Predict | Carry::Fuse, None) => still,
             (Carry::Extrapolate, fit) => {
                 let own = warp.and_then(warp_slope);
                 let linear = own.or(fit.map(|fit| fit.linear)).unwrap_or_default();
@@ -79,6 +86,10 @@ impl Motion {
             }
             (Carry::Predict, Some(fit)) => Self {
                 vector: fit.vector,
+                linear: fit.linear,
+            },
+            (Carry::Fuse, Some(fit)) => Self {
+                vector: fuse(vector, fit),
                 linear: fit.linear,
             },
         }
@@ -92,6 +103,17 @@ impl Motion {
             self.vector[1] + yx * x + yy * y,
         ]
     }
+}
+
+/// Mean of vector and prediction with inverse variances as weights: where the neighbours scatter,
+/// as on depth edges, the block's own vector counts more.
+fn fuse(vector: [f32; 2], fit: &LocalFit) -> [f32; 2] {
+    if !fit.spread.is_finite() {
+        return vector;
+    }
+    let scatter = fit.spread * fit.spread;
+    let own = scatter / (scatter + VECTOR_NOISE * VECTOR_NOISE);
+    [0, 1].map(|axis| own * vector[axis] + (1.0 - own) * fit.vector[axis])
 }
 
 /// Slope of the vector field of an affine model: its matrix less the identity.
@@ -127,6 +149,23 @@ mod tests {
             }
             .accepts([10.0, 0.0], [0.0, 0.0])
         );
+    }
+
+    #[test]
+    fn fusion_trusts_calm_neighbours_and_otherwise_the_block_itself() {
+        let fuse_with = |spread| {
+            let fit = LocalFit {
+                residual: 1.0,
+                spread,
+                vector: [1.0, 0.0],
+                linear: [0.0; 4],
+            };
+            Motion::new(Carry::Fuse, [2.0, 0.0], Some(&fit), None).at([0.0; 2])[0]
+        };
+        assert_eq!(fuse_with(0.0), 1.0);
+        assert!((fuse_with(VECTOR_NOISE) - 1.5).abs() < 1e-6);
+        assert!(fuse_with(30.0) > 1.99);
+        assert_eq!(fuse_with(f32::INFINITY), 2.0);
     }
 
     #[test]

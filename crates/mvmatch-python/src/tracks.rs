@@ -57,8 +57,9 @@ fn carry_named(name: &str) -> PyResult<Carry> {
         "translate" => Ok(Carry::Translate),
         "extrapolate" => Ok(Carry::Extrapolate),
         "predict" => Ok(Carry::Predict),
+        "fuse" => Ok(Carry::Fuse),
         _ => Err(PyValueError::new_err(format!(
-            "carry is {name:?}; it can be translate, extrapolate or predict"
+            "carry is {name:?}; it can be translate, extrapolate, predict or fuse"
         ))),
     }
 }
