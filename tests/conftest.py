@@ -11,6 +11,12 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="session")
+def repository() -> Path:
+    """Folder of the whole repository."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of measured sequences beside the repository; without it the test is skipped."""
     folder = Path(os.environ.get("MVMATCH_SHARED", REPOSITORY.parent / "shared"))

@@ -1,0 +1,29 @@
+"""The README's example runs as it is printed."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+
+from mvmatch import _core
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def python_blocks(readme: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+
+
+@pytest.mark.skipif(not hasattr(_core, "Av1Parser"), reason="the parser is not there yet")
+def test_the_example_of_the_readme_runs(
+    repository: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (example,) = python_blocks((repository / "README.md").read_text())
+    shutil.copy(data / "svt_flat_p8.ivf", tmp_path / "clip.ivf")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "README.md", "exec"), {})
+    assert (tmp_path / "database.db").is_file()
