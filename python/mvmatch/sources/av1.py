@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from av import VideoStream
+    from av.container import InputContainer
+
     Unit = tuple[float | None, bytes]
     """Presentation time in s and the bytes of one temporal unit."""
 
@@ -190,33 +193,40 @@ def open_demuxed(path: Path) -> Av1Source:
         if codec != "av1":
             raise unsupported_codec(path, codec)
         rate: Fraction | None = stream.average_rate
-        prefix = _configuration_obus(stream.codec_context.extradata)
-
-        def units() -> Iterator[Unit]:
-            missing = prefix
-            try:
-                for packet in container.demux(stream):
-                    if not packet.size:
-                        continue
-                    pts = packet.pts
-                    seconds = None
-                    if pts is not None:
-                        seconds = float(pts * packet.time_base)
-                    yield seconds, missing + bytes(packet)
-                    missing = b""
-            except FFmpegError as error:
-                message = f"the container is damaged: {_reason(error)}"
-                raise BitstreamError(message) from error
-
         source = _open(
             path,
-            units(),
+            _packets(container, stream),
             close=container.close,
             num_frames=stream.frames or None,
             frame_rate=float(rate) if rate else None,
         )
         cleanup.pop_all()
     return source
+
+
+def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
+    """Yield the packets of a demuxed stream; the first one is preceded by the codec's set-up."""
+    from av.error import FFmpegError
+
+    missing, count = _configuration_obus(stream.codec_context.extradata), 0
+    try:
+        for packet in container.demux(stream):
+            if not packet.size:
+                continue
+            if packet.is_corrupt:
+                message = f"packet {count} of the container is cut off or damaged"
+                raise BitstreamError(message)
+            count += 1
+            pts = packet.pts
+            seconds = None if pts is None else float(pts * packet.time_base)
+            yield seconds, missing + bytes(packet)
+            missing = b""
+    except FFmpegError as error:
+        message = f"the container is damaged: {_reason(error)}"
+        raise BitstreamError(message) from error
+    if count < stream.frames:
+        message = f"the file ends after {count} of {stream.frames} frames"
+        raise BitstreamError(message)
 
 
 def _open(

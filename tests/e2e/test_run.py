@@ -1,0 +1,98 @@
+"""From a stream to results."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from mvmatch import _core
+
+pytest.importorskip("mvmatch.sfm")
+if not hasattr(_core, "Av1Parser"):
+    pytest.skip("the parser is not there yet", allow_module_level=True)
+
+from mvmatch.cli import main
+from mvmatch.pipeline import match_video
+from mvmatch.sources import open_video
+from mvmatch.store import StoredMotion
+from mvmatch.testing import check_source
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from _pytest.capture import CaptureFixture
+
+CONTAINERS = ("mp4", "mkv", "webm", "obu", "annexb")
+
+
+@pytest.mark.parametrize("suffix", CONTAINERS)
+def test_tracks_do_not_depend_on_the_container(suffix: str, data: Path) -> None:
+    expected = match_video(data / "svt_flat_p8.ivf").tracks
+    found = match_video(data / f"svt_flat_p8.{suffix}").tracks
+    assert len(expected) > 0
+    np.testing.assert_array_equal(found.offsets, expected.offsets)
+    np.testing.assert_array_equal(found.frame, expected.frame)
+    np.testing.assert_array_equal(found.xy, expected.xy)
+
+
+def test_a_stored_table_gives_the_same_tracks_as_its_video(data: Path, tmp_path: Path) -> None:
+    table = tmp_path / "motion.parquet"
+    assert main(["extract", str(data / "svt_random_access_p6.ivf"), str(table)]) == 0
+    expected = match_video(data / "svt_random_access_p6.ivf").tracks
+    found = match_video(table).tracks
+    np.testing.assert_array_equal(found.xy, expected.xy)
+
+
+@pytest.mark.parametrize("name", ["svt_flat_p8.mp4", "svt_random_access_p6.ivf"])
+def test_videos_keep_the_contract_of_motion_sources(name: str, data: Path) -> None:
+    with open_video(data / name) as source:
+        check_source(source)
+
+
+def test_stored_motion_keeps_the_contract_of_motion_sources(data: Path, tmp_path: Path) -> None:
+    table = tmp_path / "motion.parquet"
+    assert main(["extract", str(data / "svt_flat_p8.ivf"), str(table)]) == 0
+    with StoredMotion(table) as source:
+        check_source(source)
+
+
+def test_times_of_frames_come_from_the_container(data: Path) -> None:
+    with open_video(data / "svt_flat_p8.mkv") as source:
+        times = [field.pts for field in source]
+    assert times[0] == 0.0
+    assert times == sorted(set(times))
+
+
+def test_the_verbs_hand_over_to_each_other(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    motion, tracks = tmp_path / "motion.parquet", tmp_path / "tracks.parquet"
+    database = tmp_path / "database.db"
+    for words in (
+        ["extract", str(data / "drive.ivf"), str(motion)],
+        ["track", str(motion), str(tracks)],
+        ["export", str(tracks), str(database), "--camera", "300"],
+        ["score", str(database)],
+    ):
+        capsys.readouterr()
+        assert main([*words, "--json"]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        assert printed["next"].startswith("mvmatch ")
+    assert len(printed["scores"]) > 0
+
+
+def test_a_run_leaves_its_results_and_nothing_else(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(data / "drive.ivf"), "-o", str(out)]) in {0, 1}
+    names = {entry.name for entry in out.iterdir()}
+    report = json.loads((out / "report.json").read_text())
+    assert names - {"sparse"} == {"database.db", "tracks.parquet", "report.json", "report.html"}
+    assert ("sparse" in names) == report["model"]["accepted"]
+    assert [stage["name"] for stage in report["stages"]] == [
+        "match",
+        "verify and write database",
+        "map",
+    ]
