@@ -87,7 +87,7 @@ def paired_bars(
     names: Sequence[str], first: Sequence[float], second: Sequence[float], *, keys: tuple[str, str]
 ) -> str:
     """Draw two horizontal bars per name, in seconds: one filled, one striped."""
-    row, left = 36, 120
+    row, left = 36, 190
     height = 30 + row * len(names) + 26
     width = 720
     room = width - left - 90

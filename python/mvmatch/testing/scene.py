@@ -157,10 +157,12 @@ class SyntheticScene:
                 rows, columns = np.divmod(samples, shape[1])
                 grey = self._shade(frame, rectangle, rows, columns, nearness[rows, columns])
                 colour[rows, columns] = grey[:, None] * np.asarray(rectangle.tint, np.float32)
-        blocks = colour.reshape(self.height, scale, self.width, scale, 3)
-        picture: NDArray[np.float32] = blocks.mean(axis=(1, 3), dtype=np.float32)
+        offsets = [(row, column) for row in range(scale) for column in range(scale)]
+        picture = sum(colour[row::scale, column::scale] for row, column in offsets)
+        picture = picture / np.float32(scale**2)
         rng = np.random.default_rng((7919, frame))
-        picture += rng.normal(0.0, self.noise, (self.height, self.width, 1)).astype(np.float32)
+        noise = rng.normal(0.0, self.noise, (self.height, self.width, 1))
+        picture = picture + noise.astype(np.float32)
         return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
     def _plane_from_pixel(self, frame: int, shape: Rectangle) -> NDArray[np.float64] | None:
