@@ -15,7 +15,8 @@ pub enum Error {
     Io(io::Error),
     /// The bytes break a rule of the specification. The file is damaged or its writer is wrong.
     Malformed {
-        /// Section of the AV1 specification whose rule is broken, such as `"5.9.2"`.
+        /// Section of the AV1 specification whose rule is broken, such as `"5.9.2"` or `"B.2"`;
+        /// the name of the format if it has no such section (`"IVF"`).
         section: &'static str,
         /// Offset of the fault in the bytes that were handed over, counted from 0.
         byte_offset: u64,
@@ -61,11 +62,13 @@ impl fmt::Display for Error {
                 reason,
             } => write!(
                 formatter,
-                "malformed stream at byte {byte_offset}: {reason} (AV1 specification, section {section})"
+                "malformed stream at byte {byte_offset}: {reason} ({})",
+                Place(section)
             ),
             Self::Unsupported { feature, section } => write!(
                 formatter,
-                "unsupported feature: {feature} (AV1 specification, section {section})"
+                "unsupported feature: {feature} ({})",
+                Place(section)
             ),
             Self::LimitExceeded {
                 limit,
@@ -81,8 +84,22 @@ impl fmt::Display for Error {
                 byte_offset,
             } => write!(
                 formatter,
-                "missing reference frame at byte {byte_offset}: {reason} (AV1 specification, section {section})"
+                "missing reference frame at byte {byte_offset}: {reason} ({})",
+                Place(section)
             ),
+        }
+    }
+}
+
+/// A section, spelt out unless it is the name of a format.
+struct Place<'s>(&'s str);
+
+impl fmt::Display for Place<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.contains('.') {
+            write!(formatter, "AV1 specification, section {}", self.0)
+        } else {
+            formatter.write_str(self.0)
         }
     }
 }
@@ -128,6 +145,12 @@ mod tests {
             error.to_string(),
             "malformed stream at byte 17: obu_forbidden_bit is 1 (AV1 specification, section 5.3.2)"
         );
+    }
+
+    #[test]
+    fn a_format_without_sections_is_only_named() {
+        let error = Error::malformed("IVF", 0, "the file ends inside the header");
+        assert!(error.to_string().ends_with("(IVF)"));
     }
 
     #[test]

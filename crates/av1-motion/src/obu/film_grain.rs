@@ -60,41 +60,37 @@ pub(crate) struct FilmGrainParams {
     pub(crate) clip_to_restricted_range: bool,
 }
 
-/// What `film_grain_params` says before the parameters proper.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FilmGrainUpdate {
-    /// No grain: `reset_grain_params`.
-    None,
-    /// `update_grain` = 0: the parameters of slot `film_grain_params_ref_idx` with a new seed.
-    FromSlot { slot: u8, grain_seed: u16 },
-    /// New parameters follow.
-    New { grain_seed: u16 },
-}
-
-impl FilmGrainUpdate {
-    /// Reads up to `update_grain` or `film_grain_params_ref_idx`, of a frame that may carry grain.
-    pub(crate) fn parse(reader: &mut BitReader<'_>, is_inter_frame: bool) -> Result<Self> {
+impl FilmGrainParams {
+    /// Reads `film_grain_params` of a frame that may be shown. `saved` gives the parameters of a
+    /// slot if the frame refers to it; only frames of type `INTER_FRAME` may reuse them.
+    pub(crate) fn parse<'s>(
+        reader: &mut BitReader<'_>,
+        color: &ColorConfig,
+        is_inter_frame: bool,
+        saved: impl Fn(u8) -> Option<&'s Self>,
+    ) -> Result<Self> {
         let apply_grain = reader.flag()?;
         if !apply_grain {
-            return Ok(Self::None);
+            return Ok(Self::default());
         }
         let grain_seed = reader.f16(16)?;
         let update_grain = !is_inter_frame || reader.flag()?;
         if update_grain {
-            return Ok(Self::New { grain_seed });
+            return Self::parse_new(reader, color, grain_seed);
         }
-        let slot = reader.f8(3)?;
-        Ok(Self::FromSlot { slot, grain_seed })
+        let film_grain_params_ref_idx = reader.f8(3)?;
+        let Some(params) = saved(film_grain_params_ref_idx) else {
+            let reason = format!("film grain of slot {film_grain_params_ref_idx}, no reference");
+            return Err(reader.malformed("6.8.20", reason));
+        };
+        Ok(Self {
+            grain_seed,
+            ..params.clone()
+        })
     }
-}
 
-impl FilmGrainParams {
-    /// Reads the rest of `film_grain_params`, from `num_y_points` on.
-    pub(crate) fn parse_new(
-        reader: &mut BitReader<'_>,
-        color: &ColorConfig,
-        grain_seed: u16,
-    ) -> Result<Self> {
+    /// The rest of `film_grain_params`, from `num_y_points` on.
+    fn parse_new(reader: &mut BitReader<'_>, color: &ColorConfig, grain_seed: u16) -> Result<Self> {
         let mut params = Self {
             apply_grain: true,
             grain_seed,
@@ -233,20 +229,22 @@ mod tests {
     }
 
     #[test]
-    fn only_inter_frames_may_reuse_parameters() {
+    fn an_inter_frame_reuses_all_parameters_but_the_seed() {
+        let saved = FilmGrainParams {
+            apply_grain: true,
+            grain_seed: 99,
+            ar_coeff_lag: 3,
+            ..FilmGrainParams::default()
+        };
+        // apply 1, seed 10, update 0, slot 5.
         let bits = [0x80, 0x05, 0x28];
-        let mut reader = BitReader::new(&bits, 0);
-        assert_eq!(
-            FilmGrainUpdate::parse(&mut reader, true).unwrap(),
-            FilmGrainUpdate::FromSlot {
-                slot: 5,
-                grain_seed: 10
-            }
-        );
-        let mut reader = BitReader::new(&bits, 0);
-        assert_eq!(
-            FilmGrainUpdate::parse(&mut reader, false).unwrap(),
-            FilmGrainUpdate::New { grain_seed: 10 }
-        );
+        let parse = |named: u8| {
+            let mut reader = BitReader::new(&bits, 0);
+            let saved = |slot| (slot == named).then_some(&saved);
+            FilmGrainParams::parse(&mut reader, &ColorConfig::default(), true, saved)
+        };
+        let params = parse(5).unwrap();
+        assert_eq!((params.grain_seed, params.ar_coeff_lag), (10, 3));
+        assert!(parse(4).is_err());
     }
 }

@@ -21,6 +21,9 @@ pub(crate) mod tile_info;
 pub(crate) mod timing;
 pub(crate) mod uncompressed_header;
 
+#[cfg(test)]
+mod tests;
+
 pub(crate) use frame_header::{FrameHeader, FrameType, TxMode};
 pub(crate) use header::{Obu, ObuHeader, ObuIterator, ObuType};
 pub(crate) use sequence_header::SequenceHeader;

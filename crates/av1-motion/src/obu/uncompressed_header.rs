@@ -7,7 +7,7 @@ use crate::refs::{ReferenceSlots, SlotState};
 
 use super::cdef::CdefParams;
 use super::delta::{DeltaLfParams, DeltaQParams};
-use super::film_grain::{FilmGrainParams, FilmGrainUpdate};
+use super::film_grain::FilmGrainParams;
 use super::frame_header::{
     ALL_FRAMES, FrameHeader, FrameType, PRIMARY_REF_NONE, REFS_PER_FRAME, SWITCHABLE, TxMode,
 };
@@ -381,23 +381,12 @@ impl HeaderParser<'_, '_> {
             return Ok(());
         }
         let is_inter_frame = header.frame_type == FrameType::Inter;
-        match FilmGrainUpdate::parse(reader, is_inter_frame)? {
-            FilmGrainUpdate::None => {}
-            FilmGrainUpdate::New { grain_seed } => {
-                header.film_grain =
-                    FilmGrainParams::parse_new(reader, &self.sequence.color, grain_seed)?;
-            }
-            FilmGrainUpdate::FromSlot { slot, grain_seed } => {
-                if !header.ref_frame_idx.contains(&slot) {
-                    let reason = format!("film grain of slot {slot}, which is no reference");
-                    return Err(reader.malformed("6.8.20", reason));
-                }
-                header.film_grain = FilmGrainParams {
-                    grain_seed,
-                    ..self.slots[slot.into()].film_grain.clone()
-                };
-            }
-        }
+        let saved = |slot: u8| {
+            let is_named = header.ref_frame_idx.contains(&slot);
+            is_named.then(|| &self.slots[slot.into()].film_grain)
+        };
+        header.film_grain =
+            FilmGrainParams::parse(reader, &self.sequence.color, is_inter_frame, saved)?;
         Ok(())
     }
 }
