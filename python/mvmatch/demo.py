@@ -12,10 +12,11 @@ import numpy as np
 
 from mvmatch.config import RunOptions
 from mvmatch.errors import DataError
+from mvmatch.geometry.trajectory import TrajectoryError, trajectory_error
 from mvmatch.measure import StageClock
 from mvmatch.pipeline import Run, reconstruct_video
 from mvmatch.report import write_report
-from mvmatch.testing import SyntheticScene, TrajectoryError, synthetic_drive, trajectory_error
+from mvmatch.testing import SyntheticScene, synthetic_drive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,7 +88,7 @@ def run_demo(
     run.data["stages"].insert(0, dataclasses.asdict(clock.stages[0]))
     if error is not None:
         run.data["accuracy"] = {
-            "ate_percent": error.percent,
+            "ate_percent": error.percent_of_path,
             "path_length": error.path_length,
             "ate": error.rmse,
         }

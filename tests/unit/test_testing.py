@@ -16,7 +16,6 @@ from mvmatch.testing import (
     exact_motion_fields,
     exact_paths,
     synthetic_drive,
-    trajectory_error,
 )
 
 if TYPE_CHECKING:
@@ -138,17 +137,3 @@ def test_the_contract_names_the_broken_promise(
 def test_an_empty_source_breaks_the_contract() -> None:
     with pytest.raises(AssertionError, match="no motion field"):
         check_source([])
-
-
-def test_trajectory_error_ignores_rotation_scale_and_shift_but_not_a_bend() -> None:
-    truth = synthetic_drive(20, (64, 36)).centers
-    turned = 3.0 * truth @ np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]], float).T + [5.0, 6.0, 7.0]
-    assert trajectory_error(turned, truth).rmse < 1e-9
-    bent = truth + np.linspace(0, 1, 20)[:, None] ** 2 * [0.3, 0, 0]
-    assert 0.2 < trajectory_error(bent, truth).percent < 2.0
-
-
-def test_a_mirrored_path_is_not_accepted_as_a_rotation() -> None:
-    rng = np.random.default_rng(4)
-    truth = rng.normal(size=(12, 3))
-    assert trajectory_error(truth * [-1, 1, 1], truth).rmse > 0.1

@@ -37,7 +37,7 @@ def demo(
     if made.error is None:
         return outcome
     told = (
-        f"{made.error.percent:.3f} % of the path: camera centres are {1000 * made.error.rmse:.1f} "
+        f"{made.error.percent_of_path:.3f} % of the path: camera centres are {1000 * made.error.rmse:.1f} "
         f"mm (RMS) from the truth over {made.error.path_length:.1f} m"
     )
     return dataclasses.replace(outcome, figures={**outcome.figures, "accuracy": told})

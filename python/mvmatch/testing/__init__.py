@@ -9,16 +9,13 @@ from mvmatch.testing.contract import check_source
 from mvmatch.testing.drive import synthetic_drive
 from mvmatch.testing.exact import exact_motion_field, exact_motion_fields, exact_paths
 from mvmatch.testing.scene import Rectangle, SyntheticScene
-from mvmatch.testing.trajectory import TrajectoryError, trajectory_error
 
 __all__ = [
     "Rectangle",
     "SyntheticScene",
-    "TrajectoryError",
     "check_source",
     "exact_motion_field",
     "exact_motion_fields",
     "exact_paths",
     "synthetic_drive",
-    "trajectory_error",
 ]
