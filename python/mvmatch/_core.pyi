@@ -100,6 +100,7 @@ class TrackLinker:
         epsilon: float | None,
         tau: float,
         cell: int | None,
+        extend: bool,
         min_length: int,
     ) -> TrackLinker: ...
     def push(self, columns: MotionField) -> None: ...

@@ -32,9 +32,9 @@ class TrackOptions:
     extrapolated off the block's centre with the slope of the motion around it (``extrapolate``),
     what the neighbours predict (``predict``), or vector and prediction weighted by how far each can
     be trusted (``fuse``: the smallest error over one frame and over ten)."""
-    follow: Follow = "nearest"
-    """Which references of a compound block are followed: the one nearest in display order (the past
-    one of two equally near), or all of them."""
+    follow: Follow = "all"
+    """Which references of a compound block are followed: all, or the one nearest in display order
+    (the past one of two equally near)."""
     epsilon: float | None = 0.1
     """The cosine between successive steps is at least 1 - epsilon; None: not tested (paper, II-B).
     Off is None: even epsilon = 1 would end tracks at turns beyond 90 degrees."""
@@ -43,6 +43,10 @@ class TrackOptions:
     cell: int | None = 8
     """px; side of the square cells that hold at most one track per frame, the longest; None: every
     block starts a track. Measured: 12 to 24 times less mapping, poses no worse."""
+    extend: bool = True
+    """Tracks also reach, in a second walk, into the frames that refer to theirs, through the blocks
+    that lead to their points. Measured: 10 to 20 % more matches of the same accuracy in low-delay
+    streams, 6 to 10 times as many in a pyramid of hidden frames."""
     min_length: int = 3
     """Observations; shorter tracks are dropped (paper, II-B)."""
     max_gap: int | None = 10
@@ -89,6 +93,8 @@ class TrackOptions:
             "paper": {
                 "keep_zero": False,
                 "max_residual": None,
+                "follow": "nearest",
+                "extend": False,
                 "tau": 0.0,
                 "cell": None,
                 "max_gap": None,
@@ -107,7 +113,8 @@ def build_tracks(fields: Iterable[MotionField], *, options: TrackOptions | None 
     when its turn comes, whatever the prediction structure. A point is carried through the block
     that covers it and never snapped to the block's centre; where it arrives it becomes an
     observation of the reference frame. It ends on intra blocks, outside the picture, and where the
-    direction turns. Hidden frames take part under the display index of the picture they stand for.
+    direction turns. A second walk, in decode order, extends tracks into frames that refer to
+    theirs. Hidden frames take part under the display index of the picture they stand for.
 
     Parameters
     ----------
@@ -144,6 +151,7 @@ def build_tracks(fields: Iterable[MotionField], *, options: TrackOptions | None 
         epsilon=options.epsilon,
         tau=options.tau,
         cell=options.cell,
+        extend=options.extend,
         min_length=options.min_length,
     )
     decoded = -1

@@ -53,6 +53,7 @@ OPTIONS = st.builds(
     follow=st.sampled_from(["nearest", "all"]),
     epsilon=st.sampled_from([None, 0.1]),
     cell=st.sampled_from([None, 8]),
+    extend=st.booleans(),
 )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mvmatch.testing.fields import field_from_rows
 from mvmatch.tracks import TrackOptions, build_tracks
 
-PLAIN = TrackOptions(max_residual=None, epsilon=None, cell=None)
+PLAIN = TrackOptions(max_residual=None, epsilon=None, cell=None, extend=False)
 
 
 def grid(width, height, size=8):
@@ -105,13 +107,27 @@ def test_a_pyramid_of_future_references_gives_longer_tracks_when_all_are_followe
         )
         for decode_index, (frame, motion) in enumerate(rows.items())
     ]
-    nearest = build_tracks(fields, options=TrackOptions(cell=None))
-    everything = build_tracks(fields, options=TrackOptions(cell=None, follow="all"))
+    nearest = build_tracks(fields, options=TrackOptions(cell=None, follow="nearest", extend=False))
+    everything = build_tracks(fields, options=TrackOptions(cell=None, extend=False))
     assert everything.lengths.max() > nearest.lengths.max()
     for tracks in (nearest, everything):
         first = tracks.offsets[:-1][tracks.track_index]
         moved = tracks.xy[:, 0] - tracks.xy[first, 0]
         np.testing.assert_array_equal(moved, -(tracks.frame - tracks.frame[first]).astype(float))
+
+
+def test_tracks_reach_into_a_frame_whose_block_leads_to_them_off_its_center():
+    block = [16, 8, 8, 8]
+    fields = [
+        field_from_rows(0, []),
+        field_from_rows(1, [([0, 0, 64, 32], (1.0, 0.0), 0)]),
+        field_from_rows(2, [(block, (2.0, 0.0), 1)]),
+        field_from_rows(3, [([0, 0, 64, 32], (3.0, 0.0), 2)]),
+    ]
+    plain = build_tracks(fields, options=PLAIN)
+    assert plain.xy.tolist() == [[23.0, 12.0], [22.0, 12.0], [20.0, 12.0]]
+    extended = build_tracks(fields, options=replace(PLAIN, extend=True))
+    assert extended.xy.tolist() == [[23.0, 12.0], [22.0, 12.0], [20.0, 12.0], [17.0, 12.0]]
 
 
 def test_fields_out_of_decode_order_are_refused():

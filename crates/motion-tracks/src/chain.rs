@@ -20,25 +20,27 @@ struct Head {
 }
 
 /// Marks the end of a track's list of observations, and a cell without a track.
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// What is known of a track while it grows.
 #[derive(Clone, Copy, Debug)]
-struct Growth {
-    length: u32,
+pub(crate) struct Growth {
+    pub(crate) length: u32,
     /// Smallest frame so far: anything below it is new without looking.
     first_frame: i32,
+    /// Largest frame so far: anything above it is new as well.
+    last_frame: i32,
     /// Newest observation.
-    last: u32,
+    pub(crate) last: u32,
 }
 
 /// State of the walk.
 pub(crate) struct Chain {
-    options: LinkOptions,
-    observations: Vec<Observation>,
+    pub(crate) options: LinkOptions,
+    pub(crate) observations: Vec<Observation>,
     /// Observation before each one in the same track.
-    previous: Vec<u32>,
-    growth: Vec<Growth>,
+    pub(crate) previous: Vec<u32>,
+    pub(crate) growth: Vec<Growth>,
     /// Points that wait for their frame's turn, by display index.
     pending: BTreeMap<i32, Vec<Head>>,
     /// Cells taken in frames that come up once more.
@@ -105,6 +107,7 @@ impl Chain {
             self.growth.push(Growth {
                 length: 0,
                 first_frame: i32::MAX,
+                last_frame: i32::MIN,
                 last: NONE,
             });
             self.observe(track, frame, xy);
@@ -118,7 +121,7 @@ impl Chain {
         heads
     }
 
-    fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2]) {
+    pub(crate) fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2]) {
         let growth = &mut self.growth[track as usize];
         self.observations.push(Observation { track, frame, xy });
         self.previous.push(growth.last);
@@ -126,12 +129,13 @@ impl Chain {
             u32::try_from(self.observations.len() - 1).expect("fewer than 2^32 observations");
         growth.length += 1;
         growth.first_frame = growth.first_frame.min(frame);
+        growth.last_frame = growth.last_frame.max(frame);
     }
 
     /// Whether a track has not been seen in a frame yet.
-    fn is_new(&self, track: u32, frame: i32) -> bool {
+    pub(crate) fn is_new(&self, track: u32, frame: i32) -> bool {
         let growth = &self.growth[track as usize];
-        if frame < growth.first_frame {
+        if frame < growth.first_frame || frame > growth.last_frame {
             return true;
         }
         let mut at = growth.last;
@@ -200,12 +204,16 @@ impl Chain {
         }
     }
 
-    /// Settles the points that wait for frames that never came, newest frame first, and groups.
-    pub(crate) fn finish(mut self, width: u32, height: u32) -> Tracks {
+    /// Settles the points that wait for frames that never came, newest frame first.
+    pub(crate) fn settle_rest(&mut self, width: u32, height: u32) {
         while let Some((frame, arrivals)) = self.pending.pop_last() {
             let mut cells = Cells::new(self.options.cell, width, height);
             self.settle(frame, arrivals, &mut cells);
         }
+    }
+
+    /// Groups the observations.
+    pub(crate) fn finish(self) -> Tracks {
         let tracks = u32::try_from(self.growth.len()).expect("tracks are numbered in 32 bits");
         Tracks::collect(&self.observations, tracks, self.options.min_length)
     }
@@ -220,7 +228,7 @@ fn inside([x, y]: [f32; 2], width: u32, height: u32) -> bool {
 }
 
 /// Square cells of one frame that hold at most one track each; without a side nothing is limited.
-struct Cells {
+pub(crate) struct Cells {
     side: Option<u32>,
     width: u32,
     height: u32,
@@ -228,7 +236,7 @@ struct Cells {
 }
 
 impl Cells {
-    fn new(side: Option<u32>, width: u32, height: u32) -> Self {
+    pub(crate) fn new(side: Option<u32>, width: u32, height: u32) -> Self {
         let side = side.map(|side| side.max(1));
         let count = side.map_or(0, |side| {
             width.div_ceil(side) as usize * height.div_ceil(side) as usize
@@ -241,7 +249,7 @@ impl Cells {
         }
     }
 
-    fn contains(&self, xy: [f32; 2]) -> bool {
+    pub(crate) fn contains(&self, xy: [f32; 2]) -> bool {
         inside(xy, self.width, self.height)
     }
 
@@ -251,7 +259,7 @@ impl Cells {
         clippy::cast_sign_loss,
         reason = "checked to be inside"
     )]
-    fn claim(&mut self, xy: [f32; 2]) -> bool {
+    pub(crate) fn claim(&mut self, xy: [f32; 2]) -> bool {
         let Some(side) = self.side else { return true };
         if !self.contains(xy) {
             return false;

@@ -15,6 +15,7 @@
 
 mod chain;
 mod cover;
+mod extend;
 mod field;
 mod filter;
 mod link;

@@ -5,6 +5,7 @@
 
 use crate::chain::Chain;
 use crate::cover::Cover;
+use crate::extend::Extension;
 use crate::field::{Field, FieldError, center};
 use crate::filter::{FitOptions, LocalFit, fit_neighbors};
 use crate::motion::{Carry, Cosine, Follow, Motion};
@@ -27,6 +28,8 @@ pub struct LinkOptions {
     pub cosine: Option<Cosine>,
     /// Side in px of the square cells that hold at most one track per frame, the longest.
     pub cell: Option<u32>,
+    /// Whether tracks reach on, in a second walk, into frames that refer to theirs.
+    pub extend: bool,
     /// Shorter tracks, in observations, are dropped.
     pub min_length: u32,
 }
@@ -138,7 +141,15 @@ impl Linker {
         let (width, height) = self.layers.iter().fold((1, 1), |size, layer| {
             (size.0.max(layer.width), size.1.max(layer.height))
         });
-        chain.finish(width, height)
+        chain.settle_rest(width, height);
+        if !self.options.extend {
+            return chain.finish();
+        }
+        let mut extension = Extension::new(chain);
+        for layer in &self.layers {
+            extension.visit(layer);
+        }
+        extension.into_chain().finish()
     }
 }
 
@@ -151,205 +162,4 @@ fn seeds(layer: &Layer, cover: &Cover) -> Vec<[f32; 2]> {
         rows.sort_by(|&a, &b| layer.residuals[a].total_cmp(&layer.residuals[b]));
     }
     rows.iter().map(|&row| center(layer.blocks[row])).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PLAIN: LinkOptions = LinkOptions {
-        keep_zero: true,
-        max_residual: None,
-        fit: FitOptions {
-            neighbors: 12,
-            min_neighbors: 4,
-            rounds: 3,
-            ridge: 0.02,
-        },
-        carry: Carry::Translate,
-        follow: Follow::Nearest,
-        cosine: None,
-        cell: None,
-        min_length: 3,
-    };
-
-    /// A row: block, vector, reference.
-    type Row = ([i32; 4], [f32; 2], i32);
-
-    fn link(options: LinkOptions, frames: &[(i32, &[Row])]) -> Tracks {
-        let mut linker = Linker::new(options);
-        for (frame, rows) in frames {
-            let blocks: Vec<_> = rows.iter().map(|row| row.0).collect();
-            let vectors: Vec<_> = rows.iter().map(|row| row.1).collect();
-            let references: Vec<_> = rows.iter().map(|row| row.2).collect();
-            let field = Field {
-                frame: *frame,
-                width: 64,
-                height: 32,
-                blocks: &blocks,
-                vectors: &vectors,
-                references: &references,
-                warps: &[],
-            };
-            linker.push(&field).unwrap();
-        }
-        linker.finish()
-    }
-
-    fn points(tracks: &Tracks, track: usize) -> Vec<(i32, f32, f32)> {
-        let bound = |at: usize| usize::try_from(tracks.offsets[at]).unwrap();
-        let range = bound(track)..bound(track + 1);
-        range
-            .map(|i| (tracks.frames[i], tracks.points[i][0], tracks.points[i][1]))
-            .collect()
-    }
-
-    const WHOLE: [i32; 4] = [0, 0, 64, 32];
-
-    #[test]
-    fn a_point_is_carried_through_the_covering_block_and_never_snapped_to_its_centre() {
-        let tracks = link(
-            PLAIN,
-            &[
-                (0, &[]),
-                (1, &[(WHOLE, [2.5, 0.0], 0)]),
-                (2, &[([8, 8, 8, 8], [3.0, 1.0], 1)]),
-            ],
-        );
-        assert_eq!(tracks.len(), 1);
-        assert_eq!(
-            points(&tracks, 0),
-            [(0, 17.5, 13.0), (1, 15.0, 13.0), (2, 12.0, 12.0)]
-        );
-    }
-
-    #[test]
-    fn a_zero_vector_is_motion_or_absence_as_the_option_says() {
-        let still: [(i32, &[Row]); 3] = [
-            (0, &[]),
-            (1, &[(WHOLE, [0.0, 0.0], 0)]),
-            (2, &[(WHOLE, [0.0, 0.0], 1)]),
-        ];
-        assert_eq!(link(PLAIN, &still).len(), 1);
-        assert!(
-            link(
-                LinkOptions {
-                    keep_zero: false,
-                    ..PLAIN
-                },
-                &still
-            )
-            .is_empty()
-        );
-    }
-
-    #[test]
-    fn the_cosine_test_ends_a_track_at_the_middle_frame() {
-        let turning: [(i32, &[Row]); 4] = [
-            (0, &[]),
-            (1, &[(WHOLE, [-4.0, 0.0], 0)]),
-            (2, &[([16, 8, 16, 16], [4.0, 0.0], 1)]),
-            (3, &[([16, 8, 8, 8], [4.0, 0.0], 2)]),
-        ];
-        let cosine = Some(Cosine {
-            epsilon: 0.1,
-            tau: 1.0,
-        });
-        let tracks = link(LinkOptions { cosine, ..PLAIN }, &turning);
-        assert_eq!(tracks.len(), 1);
-        assert_eq!(tracks.frames, [1, 2, 3]);
-        assert_eq!(points(&link(PLAIN, &turning), 0)[0], (0, 24.0, 12.0));
-    }
-
-    #[test]
-    fn a_cell_keeps_the_longest_track_and_seeds_only_where_it_is_free() {
-        let merging: [(i32, &[Row]); 4] = [
-            (0, &[]),
-            (1, &[(WHOLE, [0.0, 0.0], 0)]),
-            (
-                2,
-                &[([0, 0, 8, 8], [8.0, 0.0], 1), ([8, 0, 8, 8], [0.0, 0.0], 1)],
-            ),
-            (3, &[([0, 0, 8, 8], [8.0, 0.0], 2)]),
-        ];
-        let tracks = link(
-            LinkOptions {
-                cell: Some(8),
-                min_length: 2,
-                ..PLAIN
-            },
-            &merging,
-        );
-        // The track from frame 3 comes first in cell (1, 0) of frame 2 and stays to the end; the one
-        // that starts at frame 2 in cell (0, 0) arrives in the same cell later and shorter.
-        assert_eq!(
-            points(&tracks, 0),
-            [
-                (0, 12.0, 4.0),
-                (1, 12.0, 4.0),
-                (2, 12.0, 4.0),
-                (3, 4.0, 4.0)
-            ]
-        );
-        assert!((1..tracks.len()).all(|track| points(&tracks, track).iter().all(|p| p.1 > 16.0)));
-    }
-
-    #[test]
-    fn every_structure_of_references_gives_tracks_with_rising_frames() {
-        // Decode order 0 4 2 1 3: a pyramid with compound blocks.
-        let pyramid: [(i32, &[Row]); 5] = [
-            (0, &[]),
-            (4, &[(WHOLE, [4.0, 0.0], 0)]),
-            (2, &[(WHOLE, [2.0, 0.0], 0), (WHOLE, [-2.0, 0.0], 4)]),
-            (1, &[(WHOLE, [1.0, 0.0], 0), (WHOLE, [-1.0, 0.0], 2)]),
-            (3, &[(WHOLE, [1.0, 0.0], 2), (WHOLE, [-1.0, 0.0], 4)]),
-        ];
-        let tracks = link(
-            LinkOptions {
-                follow: Follow::All,
-                ..PLAIN
-            },
-            &pyramid,
-        );
-        assert_eq!(points(&tracks, 0)[..2], [(0, 35.0, 16.0), (2, 33.0, 16.0)]);
-        for track in 0..tracks.len() {
-            let track = points(&tracks, track);
-            assert!(track.windows(2).all(|pair| pair[0].0 < pair[1].0));
-            // Every observation lies where the one true motion of 1 px per frame puts it.
-            assert!(
-                track.windows(2).all(
-                    |pair| f64::from(pair[0].1 - pair[1].1) == f64::from(pair[1].0 - pair[0].0)
-                )
-            );
-        }
-    }
-
-    #[test]
-    fn an_overlay_hands_its_points_on_to_the_hidden_frame_it_repeats() {
-        // Frame 2 is coded hidden first, then shown again by an overlay without vectors of its own.
-        let frames: [(i32, &[Row]); 5] = [
-            (0, &[]),
-            (2, &[(WHOLE, [2.0, 0.0], 0)]),
-            (1, &[(WHOLE, [1.0, 0.0], 0)]),
-            (2, &[]),
-            (3, &[(WHOLE, [1.0, 0.0], 2)]),
-        ];
-        let tracks = link(PLAIN, &frames);
-        assert_eq!(tracks.len(), 1);
-        assert_eq!(
-            points(&tracks, 0),
-            [(0, 35.0, 16.0), (2, 33.0, 16.0), (3, 32.0, 16.0)]
-        );
-    }
-
-    #[test]
-    fn points_that_leave_the_picture_end_their_track() {
-        let leaving: [(i32, &[Row]); 4] = [
-            (0, &[]),
-            (1, &[(WHOLE, [-20.0, 0.0], 0)]),
-            (2, &[(WHOLE, [-20.0, 0.0], 1)]),
-            (3, &[(WHOLE, [0.0, 1.0], 2)]),
-        ];
-        assert_eq!(link(PLAIN, &leaving).frames, [1, 2, 3]);
-    }
 }

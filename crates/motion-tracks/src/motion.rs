@@ -95,6 +95,22 @@ impl Motion {
         }
     }
 
+    /// Offset from the block's centre of the point that arrives at `arrived`, also relative to the
+    /// centre; none where the motion folds.
+    pub(crate) fn origin_of(&self, arrived: [f32; 2]) -> Option<[f32; 2]> {
+        let [xx, xy, yx, yy] = self.linear;
+        let (a, d) = (1.0 + xx, 1.0 + yy);
+        let determinant = a * d - xy * yx;
+        let (x, y) = (arrived[0] - self.vector[0], arrived[1] - self.vector[1]);
+        // A picture does not shrink to a quarter, nor turn over, from one frame to another.
+        (determinant > 0.25).then(|| {
+            [
+                (d * x - xy * y) / determinant,
+                (a * y - yx * x) / determinant,
+            ]
+        })
+    }
+
     /// Displacement of the point at `offset` px from the block's centre.
     pub(crate) fn at(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let [xx, xy, yx, yy] = self.linear;
@@ -166,6 +182,24 @@ mod tests {
         assert!((fuse_with(VECTOR_NOISE) - 1.5).abs() < 1e-6);
         assert!(fuse_with(30.0) > 1.99);
         assert_eq!(fuse_with(f32::INFINITY), 2.0);
+    }
+
+    #[test]
+    fn the_origin_of_a_point_is_where_the_motion_took_it_from() {
+        let motion = Motion {
+            vector: [3.0, -2.0],
+            linear: [0.25, 0.5, -0.25, 0.0],
+        };
+        let moved = motion.at([4.0, 8.0]);
+        assert_eq!(
+            motion.origin_of([4.0 + moved[0], 8.0 + moved[1]]),
+            Some([4.0, 8.0])
+        );
+        let folded = Motion {
+            vector: [0.0; 2],
+            linear: [-2.0, 0.0, 0.0, 0.0],
+        };
+        assert_eq!(folded.origin_of([1.0, 1.0]), None);
     }
 
     #[test]

@@ -99,7 +99,8 @@ pub struct TrackLinker {
 impl TrackLinker {
     #[new]
     #[pyo3(signature = (
-        *, keep_zero, max_residual, num_neighbors, carry, follow, epsilon, tau, cell, min_length
+        *, keep_zero, max_residual, num_neighbors, carry, follow, epsilon, tau, cell, extend,
+        min_length
     ))]
     #[expect(
         clippy::too_many_arguments,
@@ -114,6 +115,7 @@ impl TrackLinker {
         epsilon: Option<f32>,
         tau: f32,
         cell: Option<u32>,
+        extend: bool,
         min_length: u32,
     ) -> PyResult<Self> {
         let options = LinkOptions {
@@ -127,6 +129,7 @@ impl TrackLinker {
             follow: follow_named(follow)?,
             cosine: epsilon.map(|epsilon| Cosine { epsilon, tau }),
             cell,
+            extend,
             min_length,
         };
         Ok(Self {
@@ -135,6 +138,10 @@ impl TrackLinker {
     }
 
     /// Adds the next motion field in decode order.
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "arguments from Python are extracted values"
+    )]
     fn push(&mut self, py: Python<'_>, columns: Columns<'_>) -> PyResult<()> {
         let field = columns.field()?;
         let linker = self.linker.as_mut().ok_or_else(finished)?;
@@ -171,6 +178,10 @@ type FitArrays<'py> = (
 /// Local fit per row: residual (N,), spread (N,), vector (N, 2), linear (N, 4).
 #[pyfunction]
 #[pyo3(signature = (columns, *, num_neighbors = 12))]
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments from Python are extracted values"
+)]
 pub fn fit_neighbors<'py>(
     py: Python<'py>,
     columns: Columns<'py>,
