@@ -36,8 +36,9 @@ def demo(
     outcome = run_outcome(made.run)
     if made.error is None:
         return outcome
+    error = made.error
     told = (
-        f"{made.error.percent_of_path:.3f} % of the path: camera centres are {1000 * made.error.rmse:.1f} "
-        f"mm (RMS) from the truth over {made.error.path_length:.1f} m"
+        f"{error.percent_of_path:.3f} % of the path: camera centres are {1000 * error.rmse:.1f} mm "
+        f"(RMS) from the truth over {error.path_length:.1f} m"
     )
     return dataclasses.replace(outcome, figures={**outcome.figures, "accuracy": told})
