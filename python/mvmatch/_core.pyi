@@ -18,11 +18,15 @@ class ContainerReader:
     """
 
     def __new__(cls, path: str) -> ContainerReader: ...
-    def next_unit(self) -> tuple[int | None, bytes] | None:
-        """Return (pts in units of the timebase, bytes), or None at the end."""
+    def next_unit(self) -> tuple[int | None, bytes, int] | None:
+        """Return (pts in units of the time base, bytes, their offset), or None at the end."""
 
     @property
-    def timebase(self) -> tuple[int, int] | None:
+    def kind(self) -> str:
+        """``"ivf"``, ``"obu"`` or ``"annexb"``."""
+
+    @property
+    def time_base(self) -> tuple[int, int] | None:
         """Seconds per tick as (numerator, denominator); None when the container has none."""
 
     @property
@@ -33,12 +37,17 @@ class ContainerReader:
 class Av1Parser:
     """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile."""
 
-    def __new__(cls, *, max_frame_area: int = ...) -> Av1Parser: ...
-    def push(self, unit: bytes) -> None:
-        """Queue one temporal unit."""
+    def __new__(
+        cls, *, max_frame_area: int | None = None, max_frames: int | None = None
+    ) -> Av1Parser: ...
+    def push(self, unit: bytes, byte_offset: int = 0) -> None:
+        """Queue one temporal unit that starts at this byte of the file."""
 
     def next_frame(self) -> CodedFrame | None:
         """Parse and return the next frame of the queued units, None when they are used up."""
+
+    def finish(self) -> None:
+        """Check that the last frame is complete; to be called at the end of the stream."""
 
 @final
 class CodedFrame:
@@ -81,6 +90,9 @@ class CodedFrame:
 
     def blocks(self) -> dict[str, NDArray[Any]]:
         """One row per coded block, numbered as in the specification."""
+
+    def coefficient_stats(self) -> NDArray[np.uint64]:
+        """(3, 5) counts over the transform blocks of Y, U, V."""
 
     def header(self) -> dict[str, Any]:
         """Return the header's syntax elements."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cyclopts import App, CycloptsError
 
 import mvmatch
-from mvmatch.cli import models, stages
+from mvmatch.cli import models, runs, stages
 from mvmatch.cli.console import Outcome, describe, show, show_error
 from mvmatch.cli.demo import demo
 from mvmatch.cli.settings import UsageError
@@ -29,7 +29,7 @@ def build_app() -> App:
     """Return the command line."""
     app = App(name="mvmatch", help=_HELP, version=mvmatch.__version__)
     verbs = (
-        models.run,
+        runs.run,
         stages.probe,
         stages.encode,
         stages.extract,

@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from mvmatch.cli.console import Outcome, Ticker
-from mvmatch.cli.models import run_outcome
+from mvmatch.cli.runs import run_outcome
 from mvmatch.cli.settings import Json, Settings
 
 

@@ -1,4 +1,4 @@
-"""The verbs from tracks to a model, and the one that does everything."""
+"""The verbs from tracks to a model."""
 
 from __future__ import annotations
 
@@ -11,18 +11,12 @@ from cyclopts import Parameter
 from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.settings import (
     ExistingFile,
-    ExistingPath,
     Json,
-    Output,
     Settings,
-    UsageError,
-    with_encoder,
 )
-from mvmatch.encode import EncoderName
 
 if TYPE_CHECKING:
     from mvmatch.config import RunOptions
-    from mvmatch.pipeline import Run
     from mvmatch.types import TwoViewScore
 
 Camera = Annotated[
@@ -35,6 +29,9 @@ Camera = Annotated[
 Mapper = Annotated[
     Literal["incremental", "global"] | None, Parameter(help="COLMAP's mapper to use.")
 ]
+
+MODEL_ADVICE = "Give the true camera with --camera, or footage in which the camera moves sideways"
+"""What helps when no model holds."""
 
 
 def export(
@@ -138,121 +135,20 @@ def reconstruct(
     from mvmatch.errors import DataError
     from mvmatch.sfm import reconstruct as run_mapper
 
-    options = _with_mapper((settings or Settings()).options(), mapper)
+    options = with_mapper((settings or Settings()).options(), mapper)
     with Ticker() as tell:
         tell("map", 0, None)
         model = run_mapper(database, out, options=options.mapper)
     failure = None
     if not model.accepted:
-        failure = DataError(f"no model holds: {'; '.join(model.reasons)}. {_MODEL_ADVICE}")
+        failure = DataError(f"no model holds: {'; '.join(model.reasons)}. {MODEL_ADVICE}")
     return Outcome(
         made=[out] if model.accepted else [],
-        figures=_model_figures(model),
+        figures=model_figures(model),
         next=f"colmap gui --database_path {database} --import_path {out}",
         data={"model": {k: v for k, v in vars_of(model).items() if k != "reconstruction"}},
         failure=failure,
     )
-
-
-def run(
-    source: ExistingPath | None = None,
-    /,
-    *,
-    out: Output = Path("out"),
-    camera: Camera = None,
-    encoder: EncoderName | None = None,
-    mapper: Mapper = None,
-    re_encode: Annotated[bool, Parameter(negative="")] = False,
-    print_config: Annotated[bool, Parameter(negative="")] = False,
-    settings: Settings | None = None,
-    json: Json = False,
-) -> Outcome:
-    """Everything: a video or a folder of frames in, a COLMAP model and a report out.
-
-    Parameters
-    ----------
-    source
-        An AV1 video, any other video FFmpeg decodes, or a folder of frames.
-    out
-        Folder for the results.
-    encoder
-        svt (always there), libaom, nvenc, qsv or vaapi; see `mvmatch encoders`.
-    re_encode
-        Encode AV1 input anew too.
-    print_config
-        Only print the effective options as TOML.
-    """
-    options = with_encoder((settings or Settings()).options(), encoder)
-    options = _with_mapper(options, mapper)
-    if print_config:
-        from mvmatch.config import to_toml
-
-        return Outcome(table=to_toml(options), data={"options": dataclasses.asdict(options)})
-    if source is None:
-        raise UsageError("run needs a video or a folder of frames")
-    from mvmatch.pipeline import reconstruct_video
-
-    with Ticker() as tell:
-        made = reconstruct_video(
-            source, out, camera=camera, options=options, reencode=re_encode, progress=tell
-        )
-    return run_outcome(made)
-
-
-def run_outcome(made: Run) -> Outcome:
-    """Return what a whole run says at its end."""
-    from mvmatch import outputs
-    from mvmatch.errors import DataError
-
-    failure: Exception | None = made.match.damage
-    model = made.out / outputs.MODEL / "0"
-    if not made.model.accepted:
-        reasons = "; ".join(made.model.reasons)
-        failure = DataError(f"no model holds: {reasons}. {_MODEL_ADVICE}")
-    stages: list[dict[str, Any]] = made.data["stages"]
-    cost = ", ".join(f"{stage['name']} {stage['wall_s']:.1f} s" for stage in stages)
-    cpu = sum(stage["cpu_s"] for stage in stages)
-    warnings: list[str] = made.data["warnings"]
-    if made.match.damage is not None:
-        warnings = [text for text in warnings if not text.startswith("The stream broke off")]
-    return Outcome(
-        made=[
-            made.out / name
-            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.PAGE)
-            if (made.out / name).exists()
-        ],
-        figures={
-            "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
-            f"{made.match.info.height} px; camera: {made.camera.source}",
-            "tracks": f"{len(made.match.tracks):,}; {made.database.num_inliers:,} matches in "
-            f"{made.database.num_verified_pairs} image pairs",
-            **_model_figures(made.model),
-            "cost": f"{cost}; {cpu:.1f} CPU s",
-        },
-        next=(
-            f"colmap gui --import_path {model} --database_path {made.out / outputs.DATABASE}"
-            if made.model.accepted
-            else f"open {made.out / outputs.PAGE}"
-        ),
-        data={key: value for key, value in made.data.items() if not key.startswith("adjacency")},
-        warnings=warnings,
-        failure=failure,
-        partial=_partial(made),
-    )
-
-
-def _partial(made: Run) -> str | None:
-    if made.match.damage is not None:
-        return (
-            f"the {len(made.match.frames)} frames before the damage were read, "
-            "and only they are in the result"
-        )
-    if not made.model.accepted:
-        return "tracks, database and report are complete; there is no model"
-    return None
-
-
-_MODEL_ADVICE = "Give the true camera with --camera, or footage in which the camera moves sideways"
 
 
 def vars_of(value: Any) -> dict[str, Any]:
@@ -260,15 +156,15 @@ def vars_of(value: Any) -> dict[str, Any]:
     return {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
 
 
-def _with_mapper(
-    options: RunOptions, mapper: Literal["incremental", "global"] | None
-) -> RunOptions:
+def with_mapper(options: RunOptions, mapper: Literal["incremental", "global"] | None) -> RunOptions:
+    """Return the options with another mapper, if one was named."""
     if mapper is None:
         return options
     return dataclasses.replace(options, mapper=dataclasses.replace(options.mapper, mapper=mapper))
 
 
-def _model_figures(model: Any) -> dict[str, str]:
+def model_figures(model: Any) -> dict[str, str]:
+    """Say how large and how good a model is."""
     text = f"{model.registered}/{model.total} images registered, {model.num_points:,} points"
     if model.num_points:
         text += (

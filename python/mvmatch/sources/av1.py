@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch import _core
-from mvmatch.errors import BitstreamError, DataError, MvmatchError, UnsupportedError
+from mvmatch.errors import BitstreamError, DataError, MvmatchError
 from mvmatch.sources.base import FrameFacts, unsupported_codec
 from mvmatch.types import MotionField, VideoInfo
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from av import VideoStream
     from av.container import InputContainer
 
-    Unit = tuple[float | None, bytes]
-    """Presentation time in s and the bytes of one temporal unit."""
+    Unit = tuple[float | None, bytes, int]
+    """Presentation time in s, the bytes of one temporal unit, where they start in the file."""
 
 _SHARED_COLUMNS = (
     "block",
@@ -41,7 +41,9 @@ class Av1Source:
 
     Parameters
     ----------
-    units : iterator of (pts in s or None, bytes)
+    path : Path
+        The file, for messages.
+    units : iterator of (pts in s or None, bytes, byte offset)
         Temporal units in decode order.
     close : callable
         Releases the container.
@@ -51,18 +53,19 @@ class Av1Source:
 
     def __init__(
         self,
+        path: Path,
         units: Iterator[Unit],
         *,
         close: Callable[[], None],
         num_frames: int | None = None,
         frame_rate: float | None = None,
     ) -> None:
+        self._path = path
         self._units = units
         self._close = close
         self._parser = _core.Av1Parser()
         self._frames: list[FrameFacts] = []
         self._pts: float | None = None
-        self._num_units = 0
         try:
             first = self._next_coded()
         except BaseException:
@@ -70,7 +73,7 @@ class Av1Source:
             raise
         if first is None:
             close()
-            message = "the file ends before its first AV1 frame"
+            message = f"{path}: the file ends before its first AV1 frame"
             raise BitstreamError(message)
         self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
         self._info = VideoInfo(
@@ -116,16 +119,17 @@ class Av1Source:
                 yield _field(coded, pts)
 
     def _next_coded(self) -> _core.CodedFrame | None:
-        while True:
-            coded = self._parser.next_frame()
-            if coded is not None:
-                return coded
-            unit = next(self._units, None)
-            if unit is None:
-                return None
-            self._pts, data = unit
-            self._num_units += 1
-            self._parser.push(data)
+        try:
+            while (coded := self._parser.next_frame()) is None:
+                unit = next(self._units, None)
+                if unit is None:
+                    self._parser.finish()
+                    return None
+                self._pts, data, offset = unit
+                self._parser.push(data, offset)
+        except MvmatchError as error:
+            raise _located(error, self._path, frame=len(self._frames)) from error
+        return coded
 
 
 def open_elementary(path: Path) -> Av1Source:
@@ -144,19 +148,22 @@ def open_elementary(path: Path) -> Av1Source:
         head = file.read(32)
     if head.startswith(b"DKIF") and len(head) >= 12 and head[8:12] != b"AV01":
         raise unsupported_codec(path, head[8:12].decode("ascii", "replace").strip("\0 "))
-    reader = _core.ContainerReader(str(path))
-    timebase = reader.timebase
-    frame_rate = timebase[1] / timebase[0] if timebase and timebase[0] else None
+    try:
+        reader = _core.ContainerReader(str(path))
+    except MvmatchError as error:
+        raise _located(error, path) from error
+    time_base = reader.time_base
+    frame_rate = time_base[1] / time_base[0] if time_base and time_base[0] else None
 
     def units() -> Iterator[Unit]:
         while (unit := reader.next_unit()) is not None:
-            pts, data = unit
+            pts, data, offset = unit
             seconds = None
-            if pts is not None and timebase is not None and timebase[1]:
-                seconds = pts * timebase[0] / timebase[1]
-            yield seconds, data
+            if pts is not None and time_base is not None and time_base[1]:
+                seconds = pts * time_base[0] / time_base[1]
+            yield seconds, data, offset
 
-    return _open(path, units(), close=_nothing, frame_rate=frame_rate)
+    return Av1Source(path, units(), close=_nothing, frame_rate=frame_rate)
 
 
 def open_demuxed(path: Path) -> Av1Source:
@@ -193,7 +200,7 @@ def open_demuxed(path: Path) -> Av1Source:
         if codec != "av1":
             raise unsupported_codec(path, codec)
         rate: Fraction | None = stream.average_rate
-        source = _open(
+        source = Av1Source(
             path,
             _packets(container, stream),
             close=container.close,
@@ -219,7 +226,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
             count += 1
             pts = packet.pts
             seconds = None if pts is None else float(pts * packet.time_base)
-            yield seconds, missing + bytes(packet)
+            yield seconds, missing + bytes(packet), packet.pos or 0
             missing = b""
     except FFmpegError as error:
         message = f"the container is damaged: {_reason(error)}"
@@ -229,29 +236,13 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
         raise BitstreamError(message)
 
 
-def _open(
-    path: Path,
-    units: Iterator[Unit],
-    *,
-    close: Callable[[], None],
-    num_frames: int | None = None,
-    frame_rate: float | None = None,
-) -> Av1Source:
-    try:
-        return Av1Source(units, close=close, num_frames=num_frames, frame_rate=frame_rate)
-    except MvmatchError as error:
-        raise _located(error, path) from error
-
-
-def _located(error: MvmatchError, path: Path) -> MvmatchError:
+def _located(error: MvmatchError, path: Path, *, frame: int | None = None) -> MvmatchError:
     """Return the same error with the file's name in front."""
     message = f"{path}: {error}"
     if isinstance(error, BitstreamError):
         return BitstreamError(
-            message, section=error.section, byte_offset=error.byte_offset, frame=error.frame
+            message, section=error.section, byte_offset=error.byte_offset, frame=frame
         )
-    if isinstance(error, UnsupportedError):
-        return UnsupportedError(message)
     return type(error)(message)
 
 

@@ -1,0 +1,115 @@
+"""The verb that does everything."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from mvmatch.cli.console import Outcome, Ticker
+from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, model_figures, with_mapper
+from mvmatch.cli.settings import ExistingPath, Json, Output, Settings, UsageError, with_encoder
+from mvmatch.encode import EncoderName
+
+if TYPE_CHECKING:
+    from mvmatch.pipeline import Run
+
+
+def run(
+    source: ExistingPath | None = None,
+    /,
+    *,
+    out: Output = Path("out"),
+    camera: Camera = None,
+    encoder: EncoderName | None = None,
+    mapper: Mapper = None,
+    re_encode: Annotated[bool, Parameter(negative="")] = False,
+    print_config: Annotated[bool, Parameter(negative="")] = False,
+    settings: Settings | None = None,
+    json: Json = False,
+) -> Outcome:
+    """Everything: a video or a folder of frames in, a COLMAP model and a report out.
+
+    Parameters
+    ----------
+    source
+        An AV1 video, any other video FFmpeg decodes, or a folder of frames.
+    out
+        Folder for the results.
+    encoder
+        svt (always there), libaom, nvenc, qsv or vaapi; see `mvmatch encoders`.
+    re_encode
+        Encode AV1 input anew too.
+    print_config
+        Only print the effective options as TOML.
+    """
+    options = with_encoder((settings or Settings()).options(), encoder)
+    options = with_mapper(options, mapper)
+    if print_config:
+        from mvmatch.config import to_toml
+
+        return Outcome(table=to_toml(options), data={"options": dataclasses.asdict(options)})
+    if source is None:
+        raise UsageError("run needs a video or a folder of frames")
+    from mvmatch.pipeline import reconstruct_video
+
+    with Ticker() as tell:
+        made = reconstruct_video(
+            source, out, camera=camera, options=options, reencode=re_encode, progress=tell
+        )
+    return run_outcome(made)
+
+
+def run_outcome(made: Run) -> Outcome:
+    """Return what a whole run says at its end."""
+    from mvmatch import outputs
+    from mvmatch.errors import DataError
+
+    failure: Exception | None = made.match.damage
+    model = made.out / outputs.MODEL / "0"
+    if not made.model.accepted:
+        reasons = "; ".join(made.model.reasons)
+        failure = DataError(f"no model holds: {reasons}. {MODEL_ADVICE}")
+    stages: list[dict[str, Any]] = made.data["stages"]
+    cost = ", ".join(f"{stage['name']} {stage['wall_s']:.1f} s" for stage in stages)
+    cpu = sum(stage["cpu_s"] for stage in stages)
+    warnings: list[str] = made.data["warnings"]
+    if made.match.damage is not None:
+        warnings = [text for text in warnings if not text.startswith("The stream broke off")]
+    return Outcome(
+        made=[
+            made.out / name
+            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.PAGE)
+            if (made.out / name).exists()
+        ],
+        figures={
+            "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
+            f"{made.match.info.height} px; camera: {made.camera.source}",
+            "tracks": f"{len(made.match.tracks):,}; {made.database.num_inliers:,} matches in "
+            f"{made.database.num_verified_pairs} image pairs",
+            **model_figures(made.model),
+            "cost": f"{cost}; {cpu:.1f} CPU s",
+        },
+        next=(
+            f"colmap gui --import_path {model} --database_path {made.out / outputs.DATABASE}"
+            if made.model.accepted
+            else f"open {made.out / outputs.PAGE}"
+        ),
+        data={key: value for key, value in made.data.items() if not key.startswith("adjacency")},
+        warnings=warnings,
+        failure=failure,
+        partial=_partial(made),
+    )
+
+
+def _partial(made: Run) -> str | None:
+    if made.match.damage is not None:
+        return (
+            f"the {len(made.match.frames)} frames before the damage were read, "
+            "and only they are in the result"
+        )
+    if not made.model.accepted:
+        return "tracks, database and report are complete; there is no model"
+    return None
