@@ -42,3 +42,11 @@ class MissingExtraError(MvmatchError, ImportError):
 
 class DataError(MvmatchError, ValueError):
     """An input other than the bitstream (images, camera, tables) cannot be used."""
+
+
+def cannot_write(path: object, error: OSError) -> DataError:
+    """Return the error for a result that has no place."""
+    reason = error.strerror or str(error)
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        reason = "a part of this path is a file, not a folder"
+    return DataError(f"cannot write {path} ({reason}). Choose another place")

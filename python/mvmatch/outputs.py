@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mvmatch.errors import DataError
+from mvmatch.errors import DataError, cannot_write
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -60,8 +60,7 @@ def staging(out: Path) -> Generator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
     except OSError as error:
-        message = f"cannot write into {out} ({error.strerror}). Choose another folder with -o"
-        raise DataError(message) from error
+        raise cannot_write(out, error) from error
     try:
         yield folder
     finally:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mvmatch.errors import DataError
+from mvmatch.errors import DataError, cannot_write
 from mvmatch.sources.base import FrameFacts
 from mvmatch.types import MotionField, Tracks, VideoInfo
 
@@ -304,8 +304,7 @@ def _in_place(path: Path) -> Generator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.touch(exist_ok=False)
     except OSError as error:
-        message = f"cannot write {path} ({error.strerror}). Choose another place"
-        raise DataError(message) from error
+        raise cannot_write(path, error) from error
     try:
         yield temporary
         temporary.replace(path)

@@ -71,7 +71,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     except (UsageError, FileNotFoundError) as error:
         return _refuse(error, f"See `mvmatch {words[0]} --help`.")
-    except (MvmatchError, PermissionError, IsADirectoryError, NotADirectoryError) as error:
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (MvmatchError, OSError) as error:
         if as_json:
             print(json.dumps({"verb": words[0], "error": describe(error)}))
         show_error(error)
@@ -79,9 +82,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted: nothing was left behind", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     if isinstance(outcome, Outcome):
         show(outcome, verb=words[0], as_json=as_json)
         return 0 if outcome.failure is None else 1
