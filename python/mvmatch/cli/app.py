@@ -65,6 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         outcome = build_app()(
             words, exit_on_error=False, print_error=False, result_action="return_value"
         )
+        if isinstance(outcome, Outcome):
+            show(outcome, verb=words[0], as_json=as_json)
+            sys.stdout.flush()
+            return 0 if outcome.failure is None else 1
     except CycloptsError as error:
         return _refuse(
             error, "`mvmatch --help` lists the verbs, `mvmatch VERB --help` their words."
@@ -82,9 +86,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted: nothing was left behind", file=sys.stderr)
         return 130
-    if isinstance(outcome, Outcome):
-        show(outcome, verb=words[0], as_json=as_json)
-        return 0 if outcome.failure is None else 1
     return 0
 
 
