@@ -2,3 +2,4 @@
 
 pub(crate) mod cdf;
 pub(crate) mod cdf_set;
+pub(crate) mod symbol;

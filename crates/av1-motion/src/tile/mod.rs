@@ -1,0 +1,234 @@
+//! §5.11.2 Decode tile: the syntax below the tile group, one file per syntax table.
+
+mod block;
+mod coefficients;
+mod compound;
+mod context;
+mod delta;
+mod inter_info;
+mod intra_info;
+mod loop_restoration;
+mod motion_mode;
+mod mv;
+mod palette;
+mod partition;
+mod ref_frames;
+mod residual;
+mod segment_id;
+mod tx_size;
+mod tx_type;
+
+use std::sync::Arc;
+
+pub(crate) use block::{Block, NO_CHROMA_MODE, NO_WARP};
+use context::{AboveContext, LeftContext, TileGrid};
+
+use crate::entropy::cdf_set::CdfSet;
+use crate::entropy::symbol::SymbolDecoder;
+use crate::mvpred::projection::ProjectedMotion;
+use crate::obu::frame_header::FrameHeader;
+use crate::obu::sequence_header::SequenceHeader;
+use crate::tables::block_size::{BLOCK_64X64, BLOCK_128X128};
+use coefficients::CoefficientScratch;
+use loop_restoration::RestorationReferences;
+
+/// Why the data of a tile cannot be what an encoder wrote.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TileError {
+    pub(crate) section: &'static str,
+    pub(crate) reason: &'static str,
+}
+
+pub(crate) type TileResult<T> = std::result::Result<T, TileError>;
+
+/// What all tiles of a frame share.
+pub(crate) struct FrameContext {
+    pub(crate) sequence: Arc<SequenceHeader>,
+    pub(crate) header: Arc<FrameHeader>,
+    /// `PrevSegmentIds`, `MiRows * MiCols`; zeros when absent.
+    pub(crate) prev_segment_ids: Option<Arc<[u8]>>,
+    /// §7.9: present when `use_ref_frame_mvs` is 1.
+    pub(crate) projected_motion: Option<ProjectedMotion>,
+    /// `is_scaled` by reference name.
+    pub(crate) is_scaled: [bool; 8],
+    /// `get_relative_dist( OrderHint, OrderHints[ name ] )`: positive for past references.
+    pub(crate) ref_distance: [i32; 8],
+    /// §7.19: whether a reference precedes the frame, by name.
+    pub(crate) ref_is_past: [bool; 8],
+    /// §5.11.47: whether `TxType` is coded, by segment.
+    pub(crate) codes_tx_type: [bool; 8],
+}
+
+/// Position of a tile in units of 4x4 luma samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TileBounds {
+    pub(crate) mi_row_start: u32,
+    pub(crate) mi_row_end: u32,
+    pub(crate) mi_col_start: u32,
+    pub(crate) mi_col_end: u32,
+}
+
+impl TileBounds {
+    /// §5.11.51 `is_inside`.
+    #[inline]
+    pub(crate) fn contains(&self, mi_row: i32, mi_col: i32) -> bool {
+        mi_row >= self.mi_row_start as i32
+            && mi_row < self.mi_row_end as i32
+            && mi_col >= self.mi_col_start as i32
+            && mi_col < self.mi_col_end as i32
+    }
+
+    /// Column relative to the tile.
+    #[inline]
+    pub(crate) fn col(&self, mi_col: u32) -> usize {
+        (mi_col - self.mi_col_start) as usize
+    }
+
+    /// Row relative to the tile.
+    #[inline]
+    pub(crate) fn row(&self, mi_row: u32) -> usize {
+        (mi_row - self.mi_row_start) as usize
+    }
+
+    /// Height in units of 4 luma samples.
+    pub(crate) fn rows(&self) -> usize {
+        (self.mi_row_end - self.mi_row_start) as usize
+    }
+
+    /// Width in units of 4 luma samples.
+    pub(crate) fn cols(&self) -> usize {
+        (self.mi_col_end - self.mi_col_start) as usize
+    }
+}
+
+/// Counts over the transform blocks of one plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CoefficientStats {
+    /// Transform blocks with `all_zero` equal to 0.
+    pub coded_blocks: u64,
+    /// Transform blocks with `all_zero` equal to 1.
+    pub zero_blocks: u64,
+    /// Sum of `eob`.
+    pub end_of_block: u64,
+    /// Sum of absolute quantised levels.
+    pub level: u64,
+    /// Negative levels.
+    pub negative: u64,
+}
+
+/// State while one block is read.
+pub(crate) struct BlockContext {
+    /// The block that covers the cell above the upper left corner, if available (`AvailU`).
+    pub(crate) above: Option<Block>,
+    /// The block that covers the cell left of the upper left corner, if available (`AvailL`).
+    pub(crate) left: Option<Block>,
+    /// `Lossless`.
+    lossless: bool,
+}
+
+/// What a tile leaves behind.
+pub(crate) struct TileOutput {
+    pub(crate) bounds: TileBounds,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) grid: TileGrid,
+    /// §7.11.3.8 `LocalWarpParams` of the blocks with a valid local model.
+    pub(crate) warps: Vec<[i32; 6]>,
+    pub(crate) stats: [CoefficientStats; 3],
+    /// The probabilities at the end of the tile.
+    pub(crate) cdfs: Box<CdfSet>,
+    /// Set when the tile's data is wrong; `blocks` then ends before the damage.
+    pub(crate) error: Option<TileError>,
+}
+
+/// §5.11.2: the state of one tile.
+pub(crate) struct TileDecoder<'a> {
+    pub(crate) frame: &'a FrameContext,
+    pub(crate) bounds: TileBounds,
+    symbols: SymbolDecoder<'a>,
+    cdfs: Box<CdfSet>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) grid: TileGrid,
+    warps: Vec<[i32; 6]>,
+    above: AboveContext,
+    left: LeftContext,
+    /// `CurrentQIndex`.
+    current_q_index: u8,
+    /// `DeltaLF`.
+    delta_lf: [i8; 4],
+    /// `ReadDeltas`.
+    read_deltas: bool,
+    /// Which 64x64 quarters of the superblock have their `cdef_idx`.
+    cdef_is_read: [bool; 4],
+    restoration: RestorationReferences,
+    stats: [CoefficientStats; 3],
+    scratch: Box<CoefficientScratch>,
+    palette: Box<palette::PaletteScratch>,
+}
+
+impl<'a> TileDecoder<'a> {
+    pub(crate) fn new(
+        frame: &'a FrameContext,
+        bounds: TileBounds,
+        data: &'a [u8],
+        cdfs: Box<CdfSet>,
+    ) -> Self {
+        Self {
+            frame,
+            bounds,
+            symbols: SymbolDecoder::new(data, !frame.header.disable_cdf_update),
+            cdfs,
+            blocks: Vec::new(),
+            grid: TileGrid::new(&bounds),
+            warps: Vec::new(),
+            above: AboveContext::new(bounds.cols()),
+            left: LeftContext::new(),
+            current_q_index: frame.header.quantization.base_q_idx,
+            delta_lf: [0; 4],
+            read_deltas: false,
+            cdef_is_read: [false; 4],
+            restoration: RestorationReferences::new(),
+            stats: [CoefficientStats::default(); 3],
+            scratch: Box::default(),
+            palette: Box::default(),
+        }
+    }
+
+    /// §5.11.2 `decode_tile`, followed by §8.2.4 `exit_symbol`.
+    pub(crate) fn decode(mut self) -> TileOutput {
+        let error = self.decode_superblocks().err();
+        TileOutput {
+            bounds: self.bounds,
+            blocks: self.blocks,
+            grid: self.grid,
+            warps: self.warps,
+            stats: self.stats,
+            cdfs: self.cdfs,
+            error,
+        }
+    }
+
+    fn decode_superblocks(&mut self) -> TileResult<()> {
+        let is_128 = self.frame.sequence.use_128x128_superblock;
+        let (size, step) = if is_128 { (BLOCK_128X128, 32) } else { (BLOCK_64X64, 16) };
+        for mi_row in (self.bounds.mi_row_start..self.bounds.mi_row_end).step_by(step) {
+            self.left.clear();
+            for mi_col in (self.bounds.mi_col_start..self.bounds.mi_col_end).step_by(step) {
+                self.read_deltas = self.frame.header.delta_q_present;
+                self.cdef_is_read = [false; 4];
+                self.read_lr(mi_row, mi_col, size);
+                self.decode_partition(mi_row, mi_col, size)?;
+                if self.symbols.is_overrun() {
+                    let reason = "a tile needs more bits than it has";
+                    return Err(TileError { section: "8.2.4", reason });
+                }
+            }
+        }
+        self.symbols.finish().map_err(|reason| TileError { section: "8.2.4", reason })
+    }
+
+    /// The block that covers a cell of the tile that is already decoded.
+    #[inline]
+    pub(crate) fn block_at(&self, mi_row: u32, mi_col: u32) -> &Block {
+        &self.blocks[self.grid.index(mi_row, mi_col) as usize]
+    }
+}
