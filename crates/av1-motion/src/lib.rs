@@ -1,16 +1,29 @@
-//! AV1 bytes in, motion vectors out.
+//! AV1 bytes in, motion vectors out: a syntax-only AV1 decoder that never reconstructs a pixel.
+//!
+//! Written from the AV1 specification; `§` names its sections (edition of June 2023).
 #![forbid(unsafe_code)]
-#![allow(dead_code, unused_imports)] // until the parser reads them all
 
 mod bits;
 mod container;
+mod display;
 mod entropy;
 mod error;
+mod frame;
+mod info;
 mod limits;
+mod motion;
+mod mvpred;
 mod obu;
+mod parser;
 mod refs;
 mod tables;
+mod tile;
+mod warp;
 
 pub use container::{ContainerKind, ContainerReader, Unit};
 pub use error::{Error, Result};
+pub use info::FrameInfo;
 pub use limits::Limits;
+pub use motion::{Frame, Motion, MotionVector, Reference, flags};
+pub use parser::Parser;
+pub use tile::{Block, CoefficientStats};

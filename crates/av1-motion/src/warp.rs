@@ -4,8 +4,8 @@
 use crate::mvpred::warp_samples::WarpSamples;
 use crate::tables::arithmetic::DIV_LUT;
 use crate::tables::symbols::{
-    DIV_LUT_BITS, DIV_LUT_PREC_BITS, LS_MV_MAX, WARP_PARAM_REDUCE_BITS, WARPEDMODEL_NONDIAGAFFINE_CLAMP,
-    WARPEDMODEL_PREC_BITS, WARPEDMODEL_TRANS_CLAMP,
+    DIV_LUT_BITS, DIV_LUT_PREC_BITS, LS_MV_MAX, WARP_PARAM_REDUCE_BITS,
+    WARPEDMODEL_NONDIAGAFFINE_CLAMP, WARPEDMODEL_PREC_BITS, WARPEDMODEL_TRANS_CLAMP,
 };
 use crate::tile::Block;
 
@@ -46,14 +46,14 @@ pub(crate) fn is_shear_valid(params: &[i32; 6]) -> bool {
     let clip = |value: i128| value.clamp(-32768, 32767);
     let (shift, factor) = resolve_divisor(params[2]);
     let divide = |value: i64| round2_signed(i128::from(value) * i128::from(factor), shift);
-    let reduce = |value: i128| {
-        round2_signed(value, WARP_PARAM_REDUCE_BITS) << WARP_PARAM_REDUCE_BITS
-    };
+    let reduce =
+        |value: i128| round2_signed(value, WARP_PARAM_REDUCE_BITS) << WARP_PARAM_REDUCE_BITS;
     let alpha = reduce(clip((params[2] - ONE).into()));
     let beta = reduce(clip(params[3].into()));
     let gamma = reduce(clip(divide(params[4] << WARPEDMODEL_PREC_BITS)));
-    let delta =
-        reduce(clip(i128::from(params[5] - ONE) - divide(params[3] * params[4])));
+    let delta = reduce(clip(
+        i128::from(params[5] - ONE) - divide(params[3] * params[4]),
+    ));
     4 * alpha.abs() + 7 * beta.abs() < i128::from(ONE)
         && 4 * gamma.abs() + 4 * delta.abs() < i128::from(ONE)
 }

@@ -1,10 +1,13 @@
 //! The Python module `mvmatch._core`: converts, releases the GIL, decides nothing.
 use pyo3::prelude::*;
 
+mod av1;
 mod tracks;
 
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use super::av1::{Av1Parser, CodedFrame, PyContainerReader};
     #[pymodule_export]
     use super::tracks::{TrackLinker, fit_neighbors};
 }

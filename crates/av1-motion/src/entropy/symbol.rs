@@ -30,7 +30,14 @@ pub(crate) struct SymbolDecoder<'a> {
 impl<'a> SymbolDecoder<'a> {
     /// §8.2.2 `init_symbol`.
     pub(crate) fn new(data: &'a [u8], adapts: bool) -> Self {
-        let mut decoder = Self { data, position: 0, window: 0, count: -15, range: 1 << 15, adapts };
+        let mut decoder = Self {
+            data,
+            position: 0,
+            window: 0,
+            count: -15,
+            range: 1 << 15,
+            adapts,
+        };
         decoder.refill();
         decoder
     }
@@ -167,7 +174,11 @@ impl<'a> SymbolDecoder<'a> {
         };
         let is_padded = byte << (trailing % 8) == 0x80
             && self.data[trailing / 8 + 1..].iter().all(|&byte| byte == 0);
-        if is_padded { Ok(()) } else { Err("the trailing bits of a tile are not 1 0 … 0") }
+        if is_padded {
+            Ok(())
+        } else {
+            Err("the trailing bits of a tile are not 1 0 … 0")
+        }
     }
 }
 

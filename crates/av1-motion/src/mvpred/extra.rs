@@ -31,13 +31,19 @@ impl Search<'_> {
     pub(super) fn extra_search(&mut self, context: &BlockContext) {
         let mut lists = [ExtraList::default(), ExtraList::default()];
         let frame = &self.tile.frame.header.size;
-        let width4 = (self.block.width4() as u32).min(16).min(frame.mi_cols - self.block.mi_col);
-        let height4 = (self.block.height4() as u32).min(16).min(frame.mi_rows - self.block.mi_row);
+        let width4 = (self.block.width4() as u32)
+            .min(16)
+            .min(frame.mi_cols - self.block.mi_col);
+        let height4 = (self.block.height4() as u32)
+            .min(16)
+            .min(frame.mi_rows - self.block.mi_row);
         let num4x4 = width4.min(height4);
         if context.above.is_some() {
             let mut idx = 0;
             while idx < num4x4 && self.stack.num_found < 2 {
-                let candidate = self.tile.block_at(self.block.mi_row - 1, self.block.mi_col + idx);
+                let candidate = self
+                    .tile
+                    .block_at(self.block.mi_row - 1, self.block.mi_col + idx);
                 self.add_extra_candidate(candidate, &mut lists);
                 idx += candidate.width4() as u32;
             }
@@ -45,7 +51,9 @@ impl Search<'_> {
         if context.left.is_some() {
             let mut idx = 0;
             while idx < num4x4 && self.stack.num_found < 2 {
-                let candidate = self.tile.block_at(self.block.mi_row + idx, self.block.mi_col - 1);
+                let candidate = self
+                    .tile
+                    .block_at(self.block.mi_row + idx, self.block.mi_col - 1);
                 self.add_extra_candidate(candidate, &mut lists);
                 idx += candidate.height4() as u32;
             }
@@ -70,8 +78,8 @@ impl Search<'_> {
             }
             let mv = candidate.mv[candidate_list];
             let towards = |own: i8| {
-                let is_opposite = own > INTRA_FRAME
-                    && sign_bias[reference as usize] != sign_bias[own as usize];
+                let is_opposite =
+                    own > INTRA_FRAME && sign_bias[reference as usize] != sign_bias[own as usize];
                 if is_opposite { mv.negated() } else { mv }
             };
             if !self.is_compound {

@@ -17,7 +17,10 @@ impl TileDecoder<'_> {
         let params = header.gm_params[reference as usize].map(i64::from);
         let (row, col) = if header.gm_type[reference as usize] == TRANSLATION {
             // Parameter 0 is the row here, unlike in the models below.
-            (params[0] >> (WARPEDMODEL_PREC_BITS - 3), params[1] >> (WARPEDMODEL_PREC_BITS - 3))
+            (
+                params[0] >> (WARPEDMODEL_PREC_BITS - 3),
+                params[1] >> (WARPEDMODEL_PREC_BITS - 3),
+            )
         } else {
             let size = block.size as usize;
             let x = i64::from(block.mi_col) * 4 + i64::from(BLOCK_WIDTH[size]) / 2 - 1;
@@ -35,7 +38,13 @@ impl TileDecoder<'_> {
         };
         // A hostile model can leave the range of vectors; such a stream fails where the vector is used.
         let narrow = |value: i64| value.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
-        lower_precision(header, MotionVector { row: narrow(row), col: narrow(col) })
+        lower_precision(
+            header,
+            MotionVector {
+                row: narrow(row),
+                col: narrow(col),
+            },
+        )
     }
 }
 
@@ -56,7 +65,10 @@ pub(super) fn lower_precision(header: &FrameHeader, mv: MotionVector) -> MotionV
             value
         }
     };
-    MotionVector { row: lower(mv.row), col: lower(mv.col) }
+    MotionVector {
+        row: lower(mv.row),
+        col: lower(mv.col),
+    }
 }
 
 /// §4.7 `Round2Signed`.

@@ -15,8 +15,12 @@ impl TileDecoder<'_> {
         let row_end = size.mi_rows.min(mi_row + block.height4() as u32);
         let is_inter = |row, col| self.block_at(row, col).ref_frame[0] > 0;
         (context.above.is_some()
-            && (mi_col..col_end).step_by(2).any(|col| is_inter(mi_row - 1, col | 1)))
+            && (mi_col..col_end)
+                .step_by(2)
+                .any(|col| is_inter(mi_row - 1, col | 1)))
             || (context.left.is_some()
-                && (mi_row..row_end).step_by(2).any(|row| is_inter(row | 1, mi_col - 1)))
+                && (mi_row..row_end)
+                    .step_by(2)
+                    .any(|row| is_inter(row | 1, mi_col - 1)))
     }
 }

@@ -60,15 +60,20 @@ impl ProjectedMotion {
         header: &FrameHeader,
         source: impl Fn(i8) -> Option<ProjectionSource<'a>>,
     ) -> Self {
-        let (rows, cols) = (header.size.mi_rows as usize >> 1, header.size.mi_cols as usize >> 1);
-        let mut field = Self { cells: vec![ProjectedVector::default(); rows * cols], cols };
+        let (rows, cols) = (
+            header.size.mi_rows as usize >> 1,
+            header.size.mi_cols as usize >> 1,
+        );
+        let mut field = Self {
+            cells: vec![ProjectedVector::default(); rows * cols],
+            cols,
+        };
         let hints = &header.order_hints;
         let is_future =
             |name: i8| sequence.relative_dist(hints[name as usize], header.order_hint) > 0;
         let mut project = |name: i8, sign: i32| {
-            source(name).is_some_and(|source| {
-                field.project_source(sequence, header, &source, name, sign)
-            })
+            source(name)
+                .is_some_and(|source| field.project_source(sequence, header, &source, name, sign))
         };
         let last_alt_hint =
             source(LAST_FRAME).map(|source| source.order_hints[ALTREF_FRAME as usize]);
@@ -108,7 +113,9 @@ impl ProjectedMotion {
         }
         let hint = header.order_hints[name as usize];
         let to_current = sequence.relative_dist(hint, header.order_hint);
-        let distances = source.order_hints.map(|saved| sequence.relative_dist(hint, saved));
+        let distances = source
+            .order_hints
+            .map(|saved| sequence.relative_dist(hint, saved));
         if to_current.abs() > MAX_FRAME_DISTANCE {
             return true;
         }
@@ -123,8 +130,10 @@ impl ProjectedMotion {
                 let row = project_position(y8, mv.row, sign, rows, MAX_OFFSET_HEIGHT);
                 let col = project_position(x8, mv.col, sign, cols, MAX_OFFSET_WIDTH);
                 if let (Some(row), Some(col)) = (row, col) {
-                    self.cells[row * cols + col] =
-                        ProjectedVector { mv: saved.mv, distance: distance as u8 };
+                    self.cells[row * cols + col] = ProjectedVector {
+                        mv: saved.mv,
+                        distance: distance as u8,
+                    };
                 }
             }
         }
@@ -141,7 +150,10 @@ fn project_mv(mv: MotionVector, numerator: i32, denominator: i32) -> MotionVecto
         let scaled = round2_signed(i64::from(component) * i64::from(scale), 14);
         scaled.clamp(-(1 << 14) + 1, (1 << 14) - 1) as i16
     };
-    MotionVector { row: project(mv.row), col: project(mv.col) }
+    MotionVector {
+        row: project(mv.row),
+        col: project(mv.col),
+    }
 }
 
 /// §7.9.4 `project`: where a cell moves along one axis, if that is near enough.
@@ -154,7 +166,11 @@ fn project_position(
     max_offset: i32,
 ) -> Option<usize> {
     let delta = i32::from(delta);
-    let offset = if delta >= 0 { delta >> 6 } else { -((-delta) >> 6) };
+    let offset = if delta >= 0 {
+        delta >> 6
+    } else {
+        -((-delta) >> 6)
+    };
     let base = v8 as i32 >> 3 << 3;
     let moved = v8 as i32 + sign * offset;
     let is_valid = moved >= 0
@@ -170,8 +186,17 @@ mod tests {
 
     #[test]
     fn the_reciprocal_of_three_is_rounded_down_as_in_the_specification() {
-        let mv = MotionVector { row: 12_000, col: -12_000 };
-        assert_eq!(project_mv(mv, 3, 3), MotionVector { row: 11_999, col: -11_999 });
+        let mv = MotionVector {
+            row: 12_000,
+            col: -12_000,
+        };
+        assert_eq!(
+            project_mv(mv, 3, 3),
+            MotionVector {
+                row: 11_999,
+                col: -11_999
+            }
+        );
     }
 
     #[test]

@@ -27,7 +27,9 @@ impl Search<'_> {
         let min_len = minimum_length(is_far, width4);
         let mut i = 0;
         while i < end4 {
-            let Some(candidate) = self.candidate(row, first_col + i) else { break };
+            let Some(candidate) = self.candidate(row, first_col + i) else {
+                break;
+            };
             let len = width4.min(candidate.width4() as i32).max(min_len);
             self.add_ref_mv_candidate(candidate, len as u32 * 2);
             i += len;
@@ -49,7 +51,9 @@ impl Search<'_> {
         let min_len = minimum_length(is_far, height4);
         let mut i = 0;
         while i < end4 {
-            let Some(candidate) = self.candidate(first_row + i, col) else { break };
+            let Some(candidate) = self.candidate(first_row + i, col) else {
+                break;
+            };
             let len = height4.min(candidate.height4() as i32).max(min_len);
             self.add_ref_mv_candidate(candidate, len as u32 * 2);
             i += len;
@@ -60,8 +64,7 @@ impl Search<'_> {
     pub(super) fn scan_point(&mut self, delta_row: i32, delta_col: i32) {
         let row = self.block.mi_row as i32 + delta_row;
         let col = self.block.mi_col as i32 + delta_col;
-        if self.tile.bounds.contains(row, col)
-            && self.tile.grid.is_decoded(row as u32, col as u32)
+        if self.tile.bounds.contains(row, col) && self.tile.grid.is_decoded(row as u32, col as u32)
         {
             self.add_ref_mv_candidate(self.tile.block_at(row as u32, col as u32), 4);
         }
@@ -110,7 +113,8 @@ impl Search<'_> {
         };
         self.found_new_mv |= has_new_mv(candidate.y_mode);
         self.found_match = true;
-        self.stack.add([lower_precision(header, mv), MotionVector::ZERO], weight);
+        self.stack
+            .add([lower_precision(header, mv), MotionVector::ZERO], weight);
     }
 
     /// §7.10.2.9 Compound search stack process.
@@ -126,7 +130,8 @@ impl Search<'_> {
         }
         self.found_new_mv |= has_new_mv(candidate.y_mode);
         self.found_match = true;
-        self.stack.add(mvs.map(|mv| lower_precision(header, mv)), weight);
+        self.stack
+            .add(mvs.map(|mv| lower_precision(header, mv)), weight);
     }
 
     /// Whether the global model of a list is more than a translation.

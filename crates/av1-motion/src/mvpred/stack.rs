@@ -29,7 +29,10 @@ impl MvStack {
         if idx + 1 >= self.num_found {
             return 0;
         }
-        match (self.weights[idx] >= REF_CAT_LEVEL, self.weights[idx + 1] >= REF_CAT_LEVEL) {
+        match (
+            self.weights[idx] >= REF_CAT_LEVEL,
+            self.weights[idx + 1] >= REF_CAT_LEVEL,
+        ) {
             (true, true) => 0,
             (true, false) => 1,
             (false, _) => 2,

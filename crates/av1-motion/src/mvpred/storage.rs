@@ -45,7 +45,11 @@ impl SavedMotionBuilder {
     pub(crate) fn new(frame: &FrameContext) -> Self {
         let size = &frame.header.size;
         let (rows, cols) = (size.mi_rows as usize >> 1, size.mi_cols as usize >> 1);
-        Self { records: vec![SavedMotion::default(); rows * cols], cols, rows }
+        Self {
+            records: vec![SavedMotion::default(); rows * cols],
+            cols,
+            rows,
+        }
     }
 
     /// Saves the motion of a block in the 8x8 cells whose odd row and column it covers.
@@ -64,8 +68,15 @@ impl SavedMotionBuilder {
     }
 
     pub(crate) fn finish(self) -> SavedMotionBands {
-        let bands = self.records.chunks((BAND_ROWS * self.cols).max(1)).map(Arc::from).collect();
-        SavedMotionBands { bands, cols: self.cols }
+        let bands = self
+            .records
+            .chunks((BAND_ROWS * self.cols).max(1))
+            .map(Arc::from)
+            .collect();
+        SavedMotionBands {
+            bands,
+            cols: self.cols,
+        }
     }
 }
 

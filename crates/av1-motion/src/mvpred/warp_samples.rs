@@ -17,7 +17,11 @@ pub(crate) struct WarpSamples {
 impl WarpSamples {
     pub(crate) fn len(&self) -> usize {
         // When no vector is close enough, the first one counts all the same.
-        if self.num_valid == 0 { self.num_scanned.min(1) } else { self.num_valid }
+        if self.num_valid == 0 {
+            self.num_scanned.min(1)
+        } else {
+            self.num_valid
+        }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -81,17 +85,14 @@ impl TileDecoder<'_> {
     }
 
     /// §7.10.4.2 Add sample process.
-    fn add_sample(
-        &self,
-        samples: &mut WarpSamples,
-        block: &Block,
-        delta_row: i32,
-        delta_col: i32,
-    ) {
+    fn add_sample(&self, samples: &mut WarpSamples, block: &Block, delta_row: i32, delta_col: i32) {
         if samples.num_scanned >= LEAST_SQUARES_SAMPLES_MAX {
             return;
         }
-        let (row, col) = (block.mi_row as i32 + delta_row, block.mi_col as i32 + delta_col);
+        let (row, col) = (
+            block.mi_row as i32 + delta_row,
+            block.mi_col as i32 + delta_col,
+        );
         if !self.bounds.contains(row, col) || !self.grid.is_decoded(row as u32, col as u32) {
             return;
         }
@@ -103,7 +104,10 @@ impl TileDecoder<'_> {
         let mid_x = candidate.mi_col as i32 * 4 + candidate.width4() as i32 * 2 - 1;
         let size = block.size as usize;
         let threshold = i32::from(BLOCK_WIDTH[size].max(BLOCK_HEIGHT[size])).clamp(16, 112);
-        let (mv_row, mv_col) = (i32::from(candidate.mv[0].row), i32::from(candidate.mv[0].col));
+        let (mv_row, mv_col) = (
+            i32::from(candidate.mv[0].row),
+            i32::from(candidate.mv[0].col),
+        );
         let difference = (mv_row - i32::from(block.mv[0].row)).abs()
             + (mv_col - i32::from(block.mv[0].col)).abs();
         let is_valid = difference <= threshold;

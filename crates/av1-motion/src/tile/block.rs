@@ -6,59 +6,59 @@ use crate::tables::block_size::{NUM_4X4_BLOCKS_HIGH, NUM_4X4_BLOCKS_WIDE};
 
 /// What is kept of a coded block, for its neighbours and for the caller.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Block {
-    pub(crate) mi_row: u32,
-    pub(crate) mi_col: u32,
+pub struct Block {
+    pub mi_row: u32,
+    pub mi_col: u32,
     /// `MiSize`.
-    pub(crate) size: u8,
+    pub size: u8,
     /// `partition` of the node that the block belongs to.
-    pub(crate) partition: u8,
-    pub(crate) is_inter: bool,
-    pub(crate) use_intrabc: bool,
-    pub(crate) skip: bool,
-    pub(crate) skip_mode: bool,
-    pub(crate) has_chroma: bool,
-    pub(crate) segment_id: u8,
+    pub partition: u8,
+    pub is_inter: bool,
+    pub use_intrabc: bool,
+    pub skip: bool,
+    pub skip_mode: bool,
+    pub has_chroma: bool,
+    pub segment_id: u8,
     /// `YMode`, in the specification's numbering.
-    pub(crate) y_mode: u8,
+    pub y_mode: u8,
     /// `UVMode`; [`NO_CHROMA_MODE`] when the block has none.
-    pub(crate) uv_mode: u8,
+    pub uv_mode: u8,
     /// `RefFrame`: -1 none, 0 intra, 1..=7 LAST..ALTREF.
-    pub(crate) ref_frame: [i8; 2],
-    pub(crate) mv: [MotionVector; 2],
-    pub(crate) motion_mode: u8,
+    pub ref_frame: [i8; 2],
+    pub mv: [MotionVector; 2],
+    pub motion_mode: u8,
     /// `interintra_mode`, when `RefFrame[1]` is `INTRA_FRAME`.
-    pub(crate) interintra_mode: u8,
-    pub(crate) wedge_interintra: bool,
-    pub(crate) wedge_index: u8,
-    pub(crate) wedge_sign: bool,
-    pub(crate) mask_type: bool,
-    pub(crate) compound_type: u8,
-    pub(crate) comp_group_idx: u8,
-    pub(crate) compound_idx: u8,
-    pub(crate) ref_mv_idx: u8,
-    pub(crate) interp_filter: [u8; 2],
+    pub interintra_mode: u8,
+    pub wedge_interintra: bool,
+    pub wedge_index: u8,
+    pub wedge_sign: bool,
+    pub mask_type: bool,
+    pub compound_type: u8,
+    pub comp_group_idx: u8,
+    pub compound_idx: u8,
+    pub ref_mv_idx: u8,
+    pub interp_filter: [u8; 2],
     /// `PaletteSizeY`, `PaletteSizeUV`.
-    pub(crate) palette_size: [u8; 2],
-    pub(crate) use_filter_intra: bool,
-    pub(crate) filter_intra_mode: u8,
-    pub(crate) angle_delta: [i8; 2],
-    pub(crate) cfl_alpha_signs: u8,
+    pub palette_size: [u8; 2],
+    pub use_filter_intra: bool,
+    pub filter_intra_mode: u8,
+    pub angle_delta: [i8; 2],
+    pub cfl_alpha_signs: u8,
     /// `cfl_alpha_u * 16 + cfl_alpha_v`.
-    pub(crate) cfl_alpha: u8,
+    pub cfl_alpha: u8,
     /// `TxSize`.
-    pub(crate) tx_size: u8,
+    pub tx_size: u8,
     /// `CurrentQIndex`.
-    pub(crate) q_index: u8,
-    pub(crate) delta_lf: [i8; 4],
+    pub q_index: u8,
+    pub delta_lf: [i8; 4],
     /// `NumSamples` of §7.10.4.
-    pub(crate) num_samples: u8,
+    pub num_samples: u8,
     /// Index into the tile's local warp models; [`NO_WARP`] without a valid one.
     pub(crate) warp: u32,
     /// Sum of `eob` over the luma, then the chroma transform blocks.
-    pub(crate) coefficients: [u16; 2],
+    pub coefficients: [u16; 2],
     /// Sum of absolute quantised luma levels.
-    pub(crate) luma_level: u32,
+    pub luma_level: u32,
 }
 
 /// `uv_mode` of a block without chroma mode.
@@ -135,6 +135,19 @@ impl Block {
         self.ref_frame[1] <= 0
     }
 
+    /// Whether a valid local affine model predicts the block.
+    #[must_use]
+    pub fn has_local_warp(&self) -> bool {
+        self.warp != NO_WARP
+    }
+
+    /// Moves the index of the local model from the tile's list to the frame's.
+    pub(crate) fn offset_warp(&mut self, offset: u32) {
+        if self.warp != NO_WARP {
+            self.warp += offset;
+        }
+    }
+
     /// Block width in units of 4 luma samples.
     #[inline]
     pub(crate) fn width4(&self) -> usize {
@@ -199,7 +212,11 @@ impl TileDecoder<'_> {
         let color = &self.frame.sequence.color;
         let planes = if block.has_chroma { 3 } else { 1 };
         for plane in 0..planes {
-            let (x, y) = if plane > 0 { (color.subsampling_x, color.subsampling_y) } else { (0, 0) };
+            let (x, y) = if plane > 0 {
+                (color.subsampling_x, color.subsampling_y)
+            } else {
+                (0, 0)
+            };
             let col = self.bounds.col(block.mi_col) >> x;
             let row = (block.mi_row as usize & 31) >> y;
             let width = block.width4().div_ceil(1 << x);

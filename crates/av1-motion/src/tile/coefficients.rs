@@ -37,7 +37,10 @@ pub(super) struct CoefficientScratch {
 
 impl Default for CoefficientScratch {
     fn default() -> Self {
-        Self { levels: [0; LEVELS], coded: [0; 1024] }
+        Self {
+            levels: [0; LEVELS],
+            coded: [0; 1024],
+        }
     }
 }
 
@@ -62,7 +65,11 @@ impl TileDecoder<'_> {
         y4: u32,
     ) -> TileResult<()> {
         let color = &self.frame.sequence.color;
-        let (ss_x, ss_y) = if plane > 0 { (color.subsampling_x, color.subsampling_y) } else { (0, 0) };
+        let (ss_x, ss_y) = if plane > 0 {
+            (color.subsampling_x, color.subsampling_y)
+        } else {
+            (0, 0)
+        };
         let (width4, height4) = tx_size4(tx_size);
         let col = x4 as usize - (self.bounds.mi_col_start >> ss_x) as usize;
         let row = y4 as usize & (31 >> ss_y);
@@ -70,8 +77,7 @@ impl TileDecoder<'_> {
         let rows = row..row + height4 as usize;
         let size_context =
             (TX_SIZE_SQR[tx_size as usize] + TX_SIZE_SQR_UP[tx_size as usize] + 1) as usize >> 1;
-        let area = (plane == 0)
-            .then(|| self.grid.area(y4, x4, width4 as usize, height4 as usize));
+        let area = (plane == 0).then(|| self.grid.area(y4, x4, width4 as usize, height4 as usize));
 
         let plane_size = SUBSAMPLED_SIZE[block.size as usize][ss_x as usize][ss_y as usize];
         let zero_context = {
@@ -79,8 +85,9 @@ impl TileDecoder<'_> {
             let left = &self.left.coefficients[plane][rows.clone()];
             all_zero_context(plane, plane_size, tx_size, above, left)
         };
-        let is_zero =
-            self.symbols.flag(&mut self.cdfs.coef.txb_skip[size_context][zero_context]);
+        let is_zero = self
+            .symbols
+            .flag(&mut self.cdfs.coef.txb_skip[size_context][zero_context]);
         if is_zero {
             if let Some(area) = area {
                 area.fill(&mut self.grid.tx_type, DCT_DCT);
@@ -97,7 +104,14 @@ impl TileDecoder<'_> {
         let class = tx_class(tx_type);
         let plane_type = usize::from(plane > 0);
         let coef = &mut self.cdfs.coef;
-        let eob = read_eob(&mut self.symbols, coef, tx_size, size_context, plane_type, class);
+        let eob = read_eob(
+            &mut self.symbols,
+            coef,
+            tx_size,
+            size_context,
+            plane_type,
+            class,
+        );
         let cdfs = LevelCdfs {
             base_eob: &mut coef.coeff_base_eob[size_context][plane_type],
             base: &mut coef.coeff_base[size_context][plane_type],
@@ -170,20 +184,16 @@ impl TileDecoder<'_> {
 
 /// §8.3.2: the context of `all_zero`.
 #[inline]
-fn all_zero_context(
-    plane: usize,
-    plane_size: u8,
-    tx_size: u8,
-    above: &[u8],
-    left: &[u8],
-) -> usize {
-    let (width, height) =
-        (BLOCK_WIDTH[plane_size as usize], BLOCK_HEIGHT[plane_size as usize]);
+fn all_zero_context(plane: usize, plane_size: u8, tx_size: u8, above: &[u8], left: &[u8]) -> usize {
+    let (width, height) = (
+        BLOCK_WIDTH[plane_size as usize],
+        BLOCK_HEIGHT[plane_size as usize],
+    );
     let (tx_width, tx_height) = (TX_WIDTH[tx_size as usize], TX_HEIGHT[tx_size as usize]);
     if plane > 0 {
         let any = |entries: &[u8]| usize::from(entries.iter().fold(0, |any, &e| any | e) != 0);
-        let is_split = u32::from(width) * u32::from(height)
-            > u32::from(tx_width) * u32::from(tx_height);
+        let is_split =
+            u32::from(width) * u32::from(height) > u32::from(tx_width) * u32::from(tx_height);
         return 7 + any(above) + any(left) + if is_split { 3 } else { 0 };
     }
     if width == tx_width && height == tx_height {
@@ -365,7 +375,11 @@ fn read_signs(
     let has_dc = scratch.levels[0] != 0;
     for (index, &level) in scratch.coded[..count].iter().rev().enumerate() {
         let is_dc = index == 0 && has_dc;
-        let is_negative = if is_dc { symbols.flag(dc_sign) } else { symbols.bit() };
+        let is_negative = if is_dc {
+            symbols.flag(dc_sign)
+        } else {
+            symbols.bit()
+        };
         let mut level = u32::from(level);
         if level > MAX_CODED_LEVEL {
             level = (read_golomb(symbols)? + MAX_CODED_LEVEL) & 0xF_FFFF;
@@ -386,7 +400,10 @@ fn read_golomb(symbols: &mut SymbolDecoder) -> TileResult<u32> {
         length += 1;
         if length > 20 {
             let reason = "a coefficient is larger than AV1 allows";
-            return Err(TileError { section: "6.10.37", reason });
+            return Err(TileError {
+                section: "6.10.37",
+                reason,
+            });
         }
     }
     Ok((1..length).fold(1, |x, _| x << 1 | u32::from(symbols.bit())))

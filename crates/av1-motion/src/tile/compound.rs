@@ -25,7 +25,9 @@ impl TileDecoder<'_> {
         let size = block.size as usize;
         if self.frame.sequence.enable_masked_compound {
             let cdf_context = comp_group_idx_context(context);
-            let group = self.symbols.flag(&mut self.cdfs.comp_group_idx[cdf_context]);
+            let group = self
+                .symbols
+                .flag(&mut self.cdfs.comp_group_idx[cdf_context]);
             block.comp_group_idx = group.into();
         }
         if block.comp_group_idx == 0 {
@@ -33,14 +35,21 @@ impl TileDecoder<'_> {
                 let cdf_context = self.compound_idx_context(block, context);
                 let is_average = self.symbols.flag(&mut self.cdfs.compound_idx[cdf_context]);
                 block.compound_idx = is_average.into();
-                block.compound_type =
-                    if is_average { COMPOUND_AVERAGE } else { COMPOUND_DISTANCE };
+                block.compound_type = if is_average {
+                    COMPOUND_AVERAGE
+                } else {
+                    COMPOUND_DISTANCE
+                };
             }
         } else if WEDGE_BITS[size] == 0 {
             block.compound_type = COMPOUND_DIFFWTD;
         } else {
             let is_difference = self.symbols.flag(&mut self.cdfs.compound_type[size]);
-            block.compound_type = if is_difference { COMPOUND_DIFFWTD } else { COMPOUND_WEDGE };
+            block.compound_type = if is_difference {
+                COMPOUND_DIFFWTD
+            } else {
+                COMPOUND_WEDGE
+            };
         }
         if block.compound_type == COMPOUND_WEDGE {
             block.wedge_index = self.symbols.symbol(&mut self.cdfs.wedge_index[size]);

@@ -21,8 +21,7 @@ impl TileDecoder<'_> {
         }
         let delta = read_delta(&mut self.symbols, &mut self.cdfs.delta_q);
         if delta != 0 {
-            let index =
-                i32::from(self.current_q_index) + (delta << self.frame.header.delta_q_res);
+            let index = i32::from(self.current_q_index) + (delta << self.frame.header.delta_q_res);
             self.current_q_index = index.clamp(1, 255) as u8;
         }
     }
@@ -78,5 +77,9 @@ fn read_delta(symbols: &mut SymbolDecoder, cdf: &mut Cdf4) -> i32 {
         let bits = symbols.literal(3) + 1;
         magnitude = symbols.literal(bits) + (1 << bits) + 1;
     }
-    if magnitude != 0 && symbols.bit() { -(magnitude as i32) } else { magnitude as i32 }
+    if magnitude != 0 && symbols.bit() {
+        -(magnitude as i32)
+    } else {
+        magnitude as i32
+    }
 }

@@ -49,8 +49,7 @@ impl TileDecoder<'_> {
             return true;
         }
         if segmentation.feature_active(block.segment_id, SEG_LVL_REF_FRAME) {
-            let reference =
-                segmentation.feature_data[block.segment_id as usize][SEG_LVL_REF_FRAME];
+            let reference = segmentation.feature_data[block.segment_id as usize][SEG_LVL_REF_FRAME];
             return reference != i16::from(INTRA_FRAME);
         }
         if segmentation.feature_active(block.segment_id, SEG_LVL_GLOBALMV) {
@@ -58,7 +57,13 @@ impl TileDecoder<'_> {
         }
         let num_intra = count(context, Block::is_intra_reference);
         let cdf_context = match (&context.above, &context.left) {
-            (Some(_), Some(_)) => if num_intra == 2 { 3 } else { num_intra },
+            (Some(_), Some(_)) => {
+                if num_intra == 2 {
+                    3
+                } else {
+                    num_intra
+                }
+            }
             (None, None) => 0,
             _ => 2 * num_intra,
         };
@@ -98,13 +103,24 @@ impl TileDecoder<'_> {
             let new_mv = stack.new_mv_context.min(COMP_NEWMV_CTXS - 1);
             let cdf_context = COMPOUND_MODE_CTX_MAP[stack.ref_mv_context >> 1][new_mv];
             return NEAREST_NEARESTMV
-                + self.symbols.symbol(&mut self.cdfs.compound_mode[cdf_context as usize]);
+                + self
+                    .symbols
+                    .symbol(&mut self.cdfs.compound_mode[cdf_context as usize]);
         }
-        if !self.symbols.flag(&mut self.cdfs.new_mv[stack.new_mv_context]) {
+        if !self
+            .symbols
+            .flag(&mut self.cdfs.new_mv[stack.new_mv_context])
+        {
             NEWMV
-        } else if !self.symbols.flag(&mut self.cdfs.zero_mv[stack.zero_mv_context]) {
+        } else if !self
+            .symbols
+            .flag(&mut self.cdfs.zero_mv[stack.zero_mv_context])
+        {
             GLOBALMV
-        } else if self.symbols.flag(&mut self.cdfs.ref_mv[stack.ref_mv_context]) {
+        } else if self
+            .symbols
+            .flag(&mut self.cdfs.ref_mv[stack.ref_mv_context])
+        {
             NEARMV
         } else {
             NEARESTMV
@@ -145,8 +161,9 @@ impl TileDecoder<'_> {
         let is_dual = self.frame.sequence.enable_dual_filter;
         for dir in 0..if is_dual { 2 } else { 1 } {
             let cdf_context = interp_filter_context(block, context, dir);
-            block.interp_filter[dir] =
-                self.symbols.symbol(&mut self.cdfs.interp_filter[cdf_context]);
+            block.interp_filter[dir] = self
+                .symbols
+                .symbol(&mut self.cdfs.interp_filter[cdf_context]);
         }
         if !is_dual {
             block.interp_filter[1] = block.interp_filter[0];

@@ -44,7 +44,9 @@ impl TileDecoder<'_> {
             INTRA_MODE_CONTEXT[mode as usize] as usize
         };
         let (above, left) = (mode_context(&context.above), mode_context(&context.left));
-        block.y_mode = self.symbols.symbol(&mut self.cdfs.intra_frame_y_mode[above][left]);
+        block.y_mode = self
+            .symbols
+            .symbol(&mut self.cdfs.intra_frame_y_mode[above][left]);
         self.intra_mode_details(block, context);
         Ok(())
     }
@@ -62,8 +64,10 @@ impl TileDecoder<'_> {
         if block.has_chroma {
             self.read_uv_mode(block, context);
         }
-        let (width, height) =
-            (BLOCK_WIDTH[block.size as usize], BLOCK_HEIGHT[block.size as usize]);
+        let (width, height) = (
+            BLOCK_WIDTH[block.size as usize],
+            BLOCK_HEIGHT[block.size as usize],
+        );
         if block.size >= BLOCK_8X8
             && width <= 64
             && height <= 64
@@ -77,8 +81,9 @@ impl TileDecoder<'_> {
             && block.palette_size[0] == 0
             && width.max(height) <= 32
         {
-            block.use_filter_intra =
-                self.symbols.flag(&mut self.cdfs.filter_intra[block.size as usize]);
+            block.use_filter_intra = self
+                .symbols
+                .flag(&mut self.cdfs.filter_intra[block.size as usize]);
             if block.use_filter_intra {
                 block.filter_intra_mode = self.symbols.symbol(&mut self.cdfs.filter_intra_mode);
             }
@@ -90,7 +95,9 @@ impl TileDecoder<'_> {
         if size < BLOCK_8X8 || !(V_PRED..=D67_PRED).contains(&mode) {
             return 0;
         }
-        let delta = self.symbols.symbol(&mut self.cdfs.angle_delta[(mode - V_PRED) as usize]);
+        let delta = self
+            .symbols
+            .symbol(&mut self.cdfs.angle_delta[(mode - V_PRED) as usize]);
         delta as i8 - MAX_ANGLE_DELTA as i8
     }
 
@@ -106,9 +113,11 @@ impl TileDecoder<'_> {
         };
         let mode = block.y_mode as usize;
         block.uv_mode = if allows_cfl {
-            self.symbols.symbol(&mut self.cdfs.uv_mode_cfl_allowed[mode])
+            self.symbols
+                .symbol(&mut self.cdfs.uv_mode_cfl_allowed[mode])
         } else {
-            self.symbols.symbol(&mut self.cdfs.uv_mode_cfl_not_allowed[mode])
+            self.symbols
+                .symbol(&mut self.cdfs.uv_mode_cfl_not_allowed[mode])
         };
         if block.uv_mode == UV_CFL_PRED {
             self.read_cfl_alphas(block);
@@ -125,7 +134,8 @@ impl TileDecoder<'_> {
                 return 0;
             }
             let context = (sign - 1) * 3 + other;
-            self.symbols.symbol(&mut self.cdfs.cfl_alpha[context as usize])
+            self.symbols
+                .symbol(&mut self.cdfs.cfl_alpha[context as usize])
         };
         let alpha_u = alpha(sign_u, sign_v);
         let alpha_v = alpha(sign_v, sign_u);

@@ -23,7 +23,10 @@ pub(super) struct RestorationReferences {
 impl RestorationReferences {
     /// §5.11.2: the values at the start of a tile.
     pub(super) fn new() -> Self {
-        Self { wiener: [[WIENER_TAPS_MID; 2]; 3], sgr: [SGRPROJ_XQD_MID; 3] }
+        Self {
+            wiener: [[WIENER_TAPS_MID; 2]; 3],
+            sgr: [SGRPROJ_XQD_MID; 3],
+        }
     }
 }
 
@@ -41,7 +44,11 @@ impl TileDecoder<'_> {
             if kind == RESTORE_NONE {
                 continue;
             }
-            let (x, y) = if plane > 0 { (color.subsampling_x, color.subsampling_y) } else { (0, 0) };
+            let (x, y) = if plane > 0 {
+                (color.subsampling_x, color.subsampling_y)
+            } else {
+                (0, 0)
+            };
             let unit_size = u64::from(header.loop_restoration.loop_restoration_size[plane]);
             let units = |samples: u32, shift: u8| {
                 let samples = (u64::from(samples) + (1 << shift >> 1)) >> shift;

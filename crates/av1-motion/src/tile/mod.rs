@@ -20,7 +20,8 @@ mod tx_type;
 
 use std::sync::Arc;
 
-pub(crate) use block::{Block, NO_CHROMA_MODE, NO_WARP};
+pub use block::Block;
+pub(crate) use block::NO_WARP;
 use context::{AboveContext, LeftContext, TileGrid};
 
 use crate::entropy::cdf_set::CdfSet;
@@ -116,6 +117,18 @@ pub struct CoefficientStats {
     pub negative: u64,
 }
 
+impl CoefficientStats {
+    pub(crate) fn plus(&self, other: &Self) -> Self {
+        Self {
+            coded_blocks: self.coded_blocks + other.coded_blocks,
+            zero_blocks: self.zero_blocks + other.zero_blocks,
+            end_of_block: self.end_of_block + other.end_of_block,
+            level: self.level + other.level,
+            negative: self.negative + other.negative,
+        }
+    }
+}
+
 /// State while one block is read.
 pub(crate) struct BlockContext {
     /// The block that covers the cell above the upper left corner, if available (`AvailU`).
@@ -209,7 +222,11 @@ impl<'a> TileDecoder<'a> {
 
     fn decode_superblocks(&mut self) -> TileResult<()> {
         let is_128 = self.frame.sequence.use_128x128_superblock;
-        let (size, step) = if is_128 { (BLOCK_128X128, 32) } else { (BLOCK_64X64, 16) };
+        let (size, step) = if is_128 {
+            (BLOCK_128X128, 32)
+        } else {
+            (BLOCK_64X64, 16)
+        };
         for mi_row in (self.bounds.mi_row_start..self.bounds.mi_row_end).step_by(step) {
             self.left.clear();
             for mi_col in (self.bounds.mi_col_start..self.bounds.mi_col_end).step_by(step) {
@@ -219,11 +236,17 @@ impl<'a> TileDecoder<'a> {
                 self.decode_partition(mi_row, mi_col, size)?;
                 if self.symbols.is_overrun() {
                     let reason = "a tile needs more bits than it has";
-                    return Err(TileError { section: "8.2.4", reason });
+                    return Err(TileError {
+                        section: "8.2.4",
+                        reason,
+                    });
                 }
             }
         }
-        self.symbols.finish().map_err(|reason| TileError { section: "8.2.4", reason })
+        self.symbols.finish().map_err(|reason| TileError {
+            section: "8.2.4",
+            reason,
+        })
     }
 
     /// The block that covers a cell of the tile that is already decoded.

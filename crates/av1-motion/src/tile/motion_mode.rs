@@ -2,9 +2,7 @@
 
 use super::{Block, BlockContext, NO_WARP, TileDecoder};
 use crate::mvpred::warp_samples::WarpSamples;
-use crate::tables::block_size::{
-    BLOCK_8X8, BLOCK_32X32, BLOCK_HEIGHT, BLOCK_WIDTH, SIZE_GROUP,
-};
+use crate::tables::block_size::{BLOCK_8X8, BLOCK_32X32, BLOCK_HEIGHT, BLOCK_WIDTH, SIZE_GROUP};
 use crate::tables::symbols::{
     GLOBAL_GLOBALMV, GLOBALMV, INTRA_FRAME, LOCALWARP, OBMC, SIMPLE, TRANSLATION,
 };

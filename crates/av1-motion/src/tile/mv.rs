@@ -18,7 +18,10 @@ impl TileDecoder<'_> {
             block.mv[0] = self.read_mv(prediction, MV_INTRABC_CONTEXT)?;
             if !self.is_intrabc_valid(block) {
                 let reason = "an intra block copy reads samples that are not decoded yet";
-                return Err(TileError { section: "6.10.25", reason });
+                return Err(TileError {
+                    section: "6.10.25",
+                    reason,
+                });
             }
             return Ok(());
         }
@@ -28,8 +31,11 @@ impl TileDecoder<'_> {
                 GLOBALMV => stack.global_mvs[list],
                 NEARESTMV => stack.mvs[0][list],
                 NEWMV => {
-                    let position =
-                        if stack.num_found <= 1 { 0 } else { block.ref_mv_idx as usize };
+                    let position = if stack.num_found <= 1 {
+                        0
+                    } else {
+                        block.ref_mv_idx as usize
+                    };
                     self.read_mv(stack.mvs[position][list], 0)?
                 }
                 _ => stack.mvs[block.ref_mv_idx as usize][list],
@@ -45,11 +51,21 @@ impl TileDecoder<'_> {
         if let Some(&mv) = found.iter().find(|&&mv| mv != MotionVector::ZERO) {
             return mv;
         }
-        let size4 = if self.frame.sequence.use_128x128_superblock { 32 } else { 16 };
-        if (block.mi_row as i32) - size4 < self.bounds.mi_row_start as i32 {
-            MotionVector { row: 0, col: (-(size4 * 4 + INTRABC_DELAY_PIXELS) * 8) as i16 }
+        let size4 = if self.frame.sequence.use_128x128_superblock {
+            32
         } else {
-            MotionVector { row: (-(size4 * 4 * 8)) as i16, col: 0 }
+            16
+        };
+        if (block.mi_row as i32) - size4 < self.bounds.mi_row_start as i32 {
+            MotionVector {
+                row: 0,
+                col: (-(size4 * 4 + INTRABC_DELAY_PIXELS) * 8) as i16,
+            }
+        } else {
+            MotionVector {
+                row: (-(size4 * 4 * 8)) as i16,
+                col: 0,
+            }
         }
     }
 
@@ -64,7 +80,10 @@ impl TileDecoder<'_> {
             col += self.read_mv_component(context, 1);
         }
         check_range(row, col)?;
-        Ok(MotionVector { row: row as i16, col: col as i16 })
+        Ok(MotionVector {
+            row: row as i16,
+            col: col as i16,
+        })
     }
 
     /// §5.11.32 `read_mv_component`.
@@ -88,12 +107,20 @@ impl TileDecoder<'_> {
             integer = (0..class).fold(0, |bits, i| {
                 bits | u32::from(symbols.flag(&mut cdfs.bits[i as usize])) << i
             });
-            fr = if header.force_integer_mv { 3 } else { symbols.symbol(&mut cdfs.fr) };
+            fr = if header.force_integer_mv {
+                3
+            } else {
+                symbols.symbol(&mut cdfs.fr)
+            };
             hp = !header.allow_high_precision_mv || symbols.flag(&mut cdfs.hp);
             base = 2 << (class + 2);
         }
         let magnitude = base + (integer << 3 | u32::from(fr) << 1 | u32::from(hp)) + 1;
-        if is_negative { -(magnitude as i32) } else { magnitude as i32 }
+        if is_negative {
+            -(magnitude as i32)
+        } else {
+            magnitude as i32
+        }
     }
 
     /// §6.10.25 `is_mv_valid` for intra block copy.
@@ -109,8 +136,16 @@ impl TileDecoder<'_> {
         let mut left = block.mi_col as i32 * 4 + i32::from(mv.col >> 3);
         let (bottom, right) = (top + height, left + width);
         if block.has_chroma {
-            left -= if width < 8 && color.subsampling_x == 1 { 4 } else { 0 };
-            top -= if height < 8 && color.subsampling_y == 1 { 4 } else { 0 };
+            left -= if width < 8 && color.subsampling_x == 1 {
+                4
+            } else {
+                0
+            };
+            top -= if height < 8 && color.subsampling_y == 1 {
+                4
+            } else {
+                0
+            };
         }
         let bounds = &self.bounds;
         if top < bounds.mi_row_start as i32 * 4
@@ -140,7 +175,10 @@ impl TileDecoder<'_> {
 fn check_range(row: i32, col: i32) -> TileResult<()> {
     if row.abs() >= 1 << 14 || col.abs() >= 1 << 14 {
         let reason = "a motion vector is longer than AV1 allows";
-        return Err(TileError { section: "6.10.25", reason });
+        return Err(TileError {
+            section: "6.10.25",
+            reason,
+        });
     }
     Ok(())
 }

@@ -28,15 +28,22 @@ impl TileDecoder<'_> {
             let cdf_context = count(context, |block| block.palette_size[0] > 0);
             let cdf = &mut self.cdfs.palette_y_mode[size_context][cdf_context];
             if self.symbols.flag(cdf) {
-                let symbol = self.symbols.symbol(&mut self.cdfs.palette_y_size[size_context]);
+                let symbol = self
+                    .symbols
+                    .symbol(&mut self.cdfs.palette_y_size[size_context]);
                 block.palette_size[0] = symbol + 2;
                 self.read_palette_colors(block, context, 0);
             }
         }
         if block.has_chroma && block.uv_mode == DC_PRED {
             let cdf_context = usize::from(block.palette_size[0] > 0);
-            if self.symbols.flag(&mut self.cdfs.palette_uv_mode[cdf_context]) {
-                let symbol = self.symbols.symbol(&mut self.cdfs.palette_uv_size[size_context]);
+            if self
+                .symbols
+                .flag(&mut self.cdfs.palette_uv_mode[cdf_context])
+            {
+                let symbol = self
+                    .symbols
+                    .symbol(&mut self.cdfs.palette_uv_size[size_context]);
                 block.palette_size[1] = symbol + 2;
                 self.read_palette_colors(block, context, 1);
                 self.read_palette_colors_v(block.palette_size[1].into());
@@ -117,7 +124,10 @@ impl TileDecoder<'_> {
             .as_ref()
             .filter(|_| block.mi_row % 16 != 0)
             .map_or(0, |above| above.palette_size[plane] as usize);
-        let left = context.left.as_ref().map_or(0, |left| left.palette_size[plane] as usize);
+        let left = context
+            .left
+            .as_ref()
+            .map_or(0, |left| left.palette_size[plane] as usize);
         let above_colors = &self.above.palette[plane][self.bounds.col(block.mi_col)];
         let left_colors = &self.left.palette[plane][row];
         let mut cache = [0; 2 * PALETTE_COLORS];
@@ -162,7 +172,8 @@ impl TileDecoder<'_> {
             for j in (i.saturating_sub(height - 1)..=i.min(width - 1)).rev() {
                 let (order, hash) = color_order(map, i - j, j, size as usize);
                 let context = PALETTE_COLOR_CONTEXT[hash] as usize;
-                let symbol = read_color_idx(&mut self.symbols, &mut self.cdfs, plane, size, context);
+                let symbol =
+                    read_color_idx(&mut self.symbols, &mut self.cdfs, plane, size, context);
                 map[i - j][j] = order[symbol as usize];
             }
         }
@@ -171,7 +182,11 @@ impl TileDecoder<'_> {
 
 /// §4.7 `CeilLog2`.
 fn ceil_log2(value: u32) -> u32 {
-    if value < 2 { 0 } else { (value - 1).ilog2() + 1 }
+    if value < 2 {
+        0
+    } else {
+        (value - 1).ilog2() + 1
+    }
 }
 
 /// §5.11.50 `get_palette_color_context`: `ColorOrder` and `ColorContextHash`.
@@ -220,7 +235,11 @@ fn read_color_idx(
 ) -> u8 {
     macro_rules! read {
         ($y:ident, $uv:ident, $method:ident) => {{
-            let cdf = if plane == 0 { &mut cdfs.$y[context] } else { &mut cdfs.$uv[context] };
+            let cdf = if plane == 0 {
+                &mut cdfs.$y[context]
+            } else {
+                &mut cdfs.$uv[context]
+            };
             u8::from(symbols.$method(cdf))
         }};
     }

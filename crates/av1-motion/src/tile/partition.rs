@@ -12,8 +12,10 @@ use crate::tables::block_size::{
 impl TileDecoder<'_> {
     /// §5.11.4 `decode_partition`.
     pub(super) fn decode_partition(&mut self, r: u32, c: u32, size: u8) -> TileResult<()> {
-        let (mi_rows, mi_cols) =
-            (self.frame.header.size.mi_rows, self.frame.header.size.mi_cols);
+        let (mi_rows, mi_cols) = (
+            self.frame.header.size.mi_rows,
+            self.frame.header.size.mi_cols,
+        );
         if r >= mi_rows || c >= mi_cols {
             return Ok(());
         }
@@ -31,7 +33,10 @@ impl TileDecoder<'_> {
         let (x, y) = (color.subsampling_x as usize, color.subsampling_y as usize);
         if sub_size == BLOCK_INVALID || SUBSAMPLED_SIZE[sub_size as usize][x][y] == BLOCK_INVALID {
             let reason = "a partition gives chroma blocks of a shape that does not exist";
-            return Err(TileError { section: "6.10.4", reason });
+            return Err(TileError {
+                section: "6.10.4",
+                reason,
+            });
         }
         if partition == PARTITION_SPLIT && size > BLOCK_8X8 {
             for (dr, dc) in [(0, 0), (0, half), (half, 0), (half, half)] {
@@ -52,11 +57,17 @@ impl TileDecoder<'_> {
         partition: u8,
         half: u32,
     ) -> TileResult<()> {
-        let (mi_rows, mi_cols) =
-            (self.frame.header.size.mi_rows, self.frame.header.size.mi_cols);
+        let (mi_rows, mi_cols) = (
+            self.frame.header.size.mi_rows,
+            self.frame.header.size.mi_cols,
+        );
         let quarter = half >> 1;
         // A 4x4 block is a node of its own.
-        let node = if partition == PARTITION_SPLIT { PARTITION_NONE } else { partition };
+        let node = if partition == PARTITION_SPLIT {
+            PARTITION_NONE
+        } else {
+            partition
+        };
         let parts: [Option<(u32, u32, u8)>; 4] = match partition {
             PARTITION_NONE => [Some((0, 0, sub)), None, None, None],
             PARTITION_HORZ => [Some((0, 0, sub)), Some((half, 0, sub)), None, None],
@@ -64,18 +75,30 @@ impl TileDecoder<'_> {
             PARTITION_SPLIT => {
                 [(0, 0), (0, half), (half, 0), (half, half)].map(|(y, x)| Some((y, x, sub)))
             }
-            PARTITION_HORZ_A => {
-                [Some((0, 0, split)), Some((0, half, split)), Some((half, 0, sub)), None]
-            }
-            PARTITION_HORZ_B => {
-                [Some((0, 0, sub)), Some((half, 0, split)), Some((half, half, split)), None]
-            }
-            PARTITION_VERT_A => {
-                [Some((0, 0, split)), Some((half, 0, split)), Some((0, half, sub)), None]
-            }
-            PARTITION_VERT_B => {
-                [Some((0, 0, sub)), Some((0, half, split)), Some((half, half, split)), None]
-            }
+            PARTITION_HORZ_A => [
+                Some((0, 0, split)),
+                Some((0, half, split)),
+                Some((half, 0, sub)),
+                None,
+            ],
+            PARTITION_HORZ_B => [
+                Some((0, 0, sub)),
+                Some((half, 0, split)),
+                Some((half, half, split)),
+                None,
+            ],
+            PARTITION_VERT_A => [
+                Some((0, 0, split)),
+                Some((half, 0, split)),
+                Some((0, half, sub)),
+                None,
+            ],
+            PARTITION_VERT_B => [
+                Some((0, 0, sub)),
+                Some((0, half, split)),
+                Some((half, half, split)),
+                None,
+            ],
             PARTITION_HORZ_4 => [0, 1, 2, 3].map(|i| Some((quarter * i, 0, sub))),
             _ => [0, 1, 2, 3].map(|i| Some((0, quarter * i, sub))),
         };
@@ -140,11 +163,27 @@ fn edge_probability<const N: usize, const W: usize>(
         cdf.0[s - 1] - lower
     };
     let parts: &[u8] = if is_horz {
-        &[PARTITION_VERT, PARTITION_SPLIT, PARTITION_HORZ_A, PARTITION_VERT_A, PARTITION_VERT_B]
+        &[
+            PARTITION_VERT,
+            PARTITION_SPLIT,
+            PARTITION_HORZ_A,
+            PARTITION_VERT_A,
+            PARTITION_VERT_B,
+        ]
     } else {
-        &[PARTITION_HORZ, PARTITION_SPLIT, PARTITION_HORZ_A, PARTITION_HORZ_B, PARTITION_VERT_A]
+        &[
+            PARTITION_HORZ,
+            PARTITION_SPLIT,
+            PARTITION_HORZ_A,
+            PARTITION_HORZ_B,
+            PARTITION_VERT_A,
+        ]
     };
-    let four_way = if is_horz { PARTITION_VERT_4 } else { PARTITION_HORZ_4 };
+    let four_way = if is_horz {
+        PARTITION_VERT_4
+    } else {
+        PARTITION_HORZ_4
+    };
     let sum: u16 = parts.iter().map(|&part| share(part)).sum();
     // cdf[0] = 32768 - psum, kept inversely: psum.
     sum + if has_4_way { share(four_way) } else { 0 }

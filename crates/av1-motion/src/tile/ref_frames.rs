@@ -68,7 +68,11 @@ impl TileDecoder<'_> {
     /// §5.11.25 `read_ref_frames`.
     pub(super) fn read_ref_frames(&mut self, block: &mut Block, context: &BlockContext) {
         let header = &self.frame.header;
-        let is_active = |feature| header.segmentation.feature_active(block.segment_id, feature);
+        let is_active = |feature| {
+            header
+                .segmentation
+                .feature_active(block.segment_id, feature)
+        };
         block.ref_frame = if block.skip_mode {
             header.skip_mode_frame.map(|name| name as i8)
         } else if is_active(SEG_LVL_REF_FRAME) {
@@ -80,7 +84,9 @@ impl TileDecoder<'_> {
             let counts = ReferenceCounts::new(context);
             let is_compound = header.reference_select
                 && block.width4().min(block.height4()) >= 2
-                && self.symbols.flag(&mut self.cdfs.comp_mode[comp_mode_context(context)]);
+                && self
+                    .symbols
+                    .flag(&mut self.cdfs.comp_mode[comp_mode_context(context)]);
             if is_compound {
                 self.read_compound_references(context, &counts)
             } else {
@@ -101,7 +107,11 @@ impl TileDecoder<'_> {
                 BWDREF_FRAME
             }
         } else if symbols.flag(&mut cdfs[counts.last12_or_last3_gold()][2]) {
-            if symbols.flag(&mut cdfs[counts.last3_or_gold()][4]) { GOLDEN_FRAME } else { LAST3_FRAME }
+            if symbols.flag(&mut cdfs[counts.last3_or_gold()][4]) {
+                GOLDEN_FRAME
+            } else {
+                LAST3_FRAME
+            }
         } else if symbols.flag(&mut cdfs[counts.last_or_last2()][3]) {
             LAST2_FRAME
         } else {
@@ -116,7 +126,8 @@ impl TileDecoder<'_> {
         counts: &ReferenceCounts,
     ) -> [i8; 2] {
         let (symbols, cdfs) = (&mut self.symbols, &mut *self.cdfs);
-        let is_bidirectional = symbols.flag(&mut cdfs.comp_ref_type[comp_ref_type_context(context)]);
+        let is_bidirectional =
+            symbols.flag(&mut cdfs.comp_ref_type[comp_ref_type_context(context)]);
         if !is_bidirectional {
             let uni = &mut cdfs.uni_comp_ref;
             return if symbols.flag(&mut uni[counts.forward_or_backward()][0]) {
@@ -155,7 +166,11 @@ fn is_backward(name: i8) -> bool {
 /// §8.3.2: the context of `comp_mode`.
 fn comp_mode_context(context: &BlockContext) -> usize {
     let of_one = |neighbor: &Block| {
-        if neighbor.is_single() { usize::from(is_backward(neighbor.ref_frame[0])) } else { 3 }
+        if neighbor.is_single() {
+            usize::from(is_backward(neighbor.ref_frame[0]))
+        } else {
+            3
+        }
     };
     match (&context.above, &context.left) {
         (None, None) => 1,
@@ -176,8 +191,7 @@ fn comp_mode_context(context: &BlockContext) -> usize {
 /// §8.3.2: the context of `comp_ref_type`.
 fn comp_ref_type_context(context: &BlockContext) -> usize {
     let same_direction = |a: i8, b: i8| is_backward(a) == is_backward(b);
-    let is_compound =
-        |block: &Block| !block.is_intra_reference() && !block.is_single();
+    let is_compound = |block: &Block| !block.is_intra_reference() && !block.is_single();
     let is_uni = |block: &Block| {
         is_compound(block) && same_direction(block.ref_frame[0], block.ref_frame[1])
     };
@@ -186,8 +200,20 @@ fn comp_ref_type_context(context: &BlockContext) -> usize {
             let same = usize::from(same_direction(above.ref_frame[0], left.ref_frame[0]));
             match (is_compound(above), is_compound(left)) {
                 (false, false) => 1 + 2 * same,
-                (false, true) => if is_uni(left) { 3 + same } else { 1 },
-                (true, false) => if is_uni(above) { 3 + same } else { 1 },
+                (false, true) => {
+                    if is_uni(left) {
+                        3 + same
+                    } else {
+                        1
+                    }
+                }
+                (true, false) => {
+                    if is_uni(above) {
+                        3 + same
+                    } else {
+                        1
+                    }
+                }
                 (true, true) => match (is_uni(above), is_uni(left)) {
                     (false, false) => 0,
                     (true, true) => {

@@ -16,7 +16,10 @@ const TX_SIZE_OF_SHAPE: [[u8; 5]; 5] = {
     let mut sizes = [[TX_4X4; 5]; 5];
     let mut size = 0;
     while size < TX_WIDTH_LOG2.len() {
-        let (w, h) = (TX_WIDTH_LOG2[size] as usize - 2, TX_HEIGHT_LOG2[size] as usize - 2);
+        let (w, h) = (
+            TX_WIDTH_LOG2[size] as usize - 2,
+            TX_HEIGHT_LOG2[size] as usize - 2,
+        );
         sizes[w][h] = size as u8;
         size += 1;
     }
@@ -29,7 +32,11 @@ impl TileDecoder<'_> {
         let size = block.size as usize;
         let width_chunks = (u32::from(BLOCK_WIDTH[size]) >> 6).max(1);
         let height_chunks = (u32::from(BLOCK_HEIGHT[size]) >> 6).max(1);
-        let chunk = if width_chunks * height_chunks > 1 { BLOCK_64X64 } else { block.size };
+        let chunk = if width_chunks * height_chunks > 1 {
+            BLOCK_64X64
+        } else {
+            block.size
+        };
         for chunk_y in 0..height_chunks {
             for chunk_x in 0..width_chunks {
                 self.residual_chunk(block, context, chunk, chunk_x << 4, chunk_y << 4)?;
@@ -97,14 +104,24 @@ impl TileDecoder<'_> {
             return Ok(());
         }
         let tx_size = self.grid.tx_size[self.grid.cell(y4, x4)] as usize;
-        let (tx_width4, tx_height4) =
-            (u32::from(TX_WIDTH[tx_size]) >> 2, u32::from(TX_HEIGHT[tx_size]) >> 2);
+        let (tx_width4, tx_height4) = (
+            u32::from(TX_WIDTH[tx_size]) >> 2,
+            u32::from(TX_HEIGHT[tx_size]) >> 2,
+        );
         if width4 <= tx_width4 && height4 <= tx_height4 {
             let size = TX_SIZE_OF_SHAPE[width4.ilog2() as usize][height4.ilog2() as usize];
             return self.transform_block(block, context, 0, size, x4, y4);
         }
-        let half_width = if width4 >= height4 { width4 / 2 } else { width4 };
-        let half_height = if height4 >= width4 { height4 / 2 } else { height4 };
+        let half_width = if width4 >= height4 {
+            width4 / 2
+        } else {
+            width4
+        };
+        let half_height = if height4 >= width4 {
+            height4 / 2
+        } else {
+            height4
+        };
         for y in (0..height4).step_by(half_height as usize) {
             for x in (0..width4).step_by(half_width as usize) {
                 self.transform_tree(block, context, x4 + x, y4 + y, half_width, half_height)?;
@@ -124,7 +141,11 @@ impl TileDecoder<'_> {
         y4: u32,
     ) -> TileResult<()> {
         let color = &self.frame.sequence.color;
-        let (x, y) = if plane > 0 { (color.subsampling_x, color.subsampling_y) } else { (0, 0) };
+        let (x, y) = if plane > 0 {
+            (color.subsampling_x, color.subsampling_y)
+        } else {
+            (0, 0)
+        };
         let frame = &self.frame.header.size;
         if x4 >= frame.mi_cols >> x || y4 >= frame.mi_rows >> y {
             return Ok(());

@@ -27,7 +27,13 @@ impl TileDecoder<'_> {
         let prediction = match (above, left) {
             (None, left) => left.unwrap_or(0),
             (Some(above), None) => above,
-            (Some(above), Some(left)) => if above_left == Some(above) { above } else { left },
+            (Some(above), Some(left)) => {
+                if above_left == Some(above) {
+                    above
+                } else {
+                    left
+                }
+            }
         };
         if block.skip {
             block.segment_id = prediction;
@@ -44,7 +50,10 @@ impl TileDecoder<'_> {
         let id = neg_deinterleave(symbol.into(), prediction.into(), i32::from(last_active) + 1);
         if id < 0 || id > last_active.into() {
             let reason = "a segment id is above the last active segment";
-            return Err(TileError { section: "6.10.9", reason });
+            return Err(TileError {
+                section: "6.10.9",
+                reason,
+            });
         }
         block.segment_id = id as u8;
         Ok(())
@@ -79,8 +88,9 @@ impl TileDecoder<'_> {
         let col = self.bounds.col(block.mi_col);
         let row = block.mi_row as usize & 31;
         let cdf_context = self.left.segment_predicted[row] + self.above.segment_predicted[col];
-        let is_predicted =
-            self.symbols.flag(&mut self.cdfs.segment_id_predicted[cdf_context as usize]);
+        let is_predicted = self
+            .symbols
+            .flag(&mut self.cdfs.segment_id_predicted[cdf_context as usize]);
         if is_predicted {
             block.segment_id = self.predicted_segment_id(block);
         } else {
@@ -99,19 +109,29 @@ impl TileDecoder<'_> {
 
     /// §5.11.21 `get_segment_id`.
     fn predicted_segment_id(&self, block: &Block) -> u8 {
-        let Some(map) = &self.frame.prev_segment_ids else { return 0 };
+        let Some(map) = &self.frame.prev_segment_ids else {
+            return 0;
+        };
         let size = &self.frame.header.size;
         let (mi_rows, mi_cols) = (size.mi_rows as usize, size.mi_cols as usize);
         let (row, col) = (block.mi_row as usize, block.mi_col as usize);
         let rows = row..mi_rows.min(row + block.height4());
         let width = block.width4().min(mi_cols - col);
-        rows.flat_map(|row| &map[row * mi_cols + col..][..width]).copied().min().unwrap_or(7).min(7)
+        rows.flat_map(|row| &map[row * mi_cols + col..][..width])
+            .copied()
+            .min()
+            .unwrap_or(7)
+            .min(7)
     }
 
     /// §5.11.10 `read_skip_mode`.
     pub(super) fn read_skip_mode(&mut self, block: &mut Block, context: &BlockContext) {
         let header = &self.frame.header;
-        let is_active = |feature| header.segmentation.feature_active(block.segment_id, feature);
+        let is_active = |feature| {
+            header
+                .segmentation
+                .feature_active(block.segment_id, feature)
+        };
         let size = block.size as usize;
         if is_active(SEG_LVL_SKIP)
             || is_active(SEG_LVL_REF_FRAME)
@@ -154,7 +174,11 @@ fn neg_deinterleave(diff: i32, reference: i32, max: i32) -> i32 {
     if reference >= max - 1 {
         return max - diff - 1;
     }
-    let near = if diff & 1 == 1 { reference + ((diff + 1) >> 1) } else { reference - (diff >> 1) };
+    let near = if diff & 1 == 1 {
+        reference + ((diff + 1) >> 1)
+    } else {
+        reference - (diff >> 1)
+    };
     if 2 * reference < max {
         if diff <= 2 * reference { near } else { diff }
     } else if diff <= 2 * (max - reference - 1) {
@@ -172,8 +196,9 @@ mod tests {
     fn segment_differences_map_one_to_one_onto_the_segments() {
         for max in 1..=8 {
             for reference in 0..max {
-                let mut ids: Vec<_> =
-                    (0..max).map(|diff| neg_deinterleave(diff, reference, max)).collect();
+                let mut ids: Vec<_> = (0..max)
+                    .map(|diff| neg_deinterleave(diff, reference, max))
+                    .collect();
                 ids.sort_unstable();
                 assert_eq!(ids, (0..max).collect::<Vec<_>>());
             }

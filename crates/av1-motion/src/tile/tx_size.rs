@@ -15,11 +15,7 @@ impl TileDecoder<'_> {
     /// §5.11.16 `read_block_tx_size`.
     pub(super) fn read_block_tx_size(&mut self, block: &mut Block, context: &BlockContext) {
         let is_select = self.frame.header.tx_mode == TxMode::Select;
-        if is_select
-            && block.size > BLOCK_4X4
-            && block.is_inter
-            && !block.skip
-            && !context.lossless
+        if is_select && block.size > BLOCK_4X4 && block.is_inter && !block.skip && !context.lossless
         {
             let max = MAX_TX_SIZE_RECT[block.size as usize];
             let (width4, height4) = tx_size4(max);
@@ -31,8 +27,9 @@ impl TileDecoder<'_> {
         } else {
             let allow_select = !block.skip || !block.is_inter;
             block.tx_size = self.read_tx_size(block, context, allow_select && is_select);
-            let area =
-                self.grid.area(block.mi_row, block.mi_col, block.width4(), block.height4());
+            let area = self
+                .grid
+                .area(block.mi_row, block.mi_col, block.width4(), block.height4());
             area.fill(&mut self.grid.tx_size, block.tx_size);
         }
     }
@@ -73,8 +70,7 @@ impl TileDecoder<'_> {
                 self.left_tx_height(block, block.mi_row, block.mi_col)
             }
         });
-        usize::from(above >= TX_WIDTH[max as usize])
-            + usize::from(left >= TX_HEIGHT[max as usize])
+        usize::from(above >= TX_WIDTH[max as usize]) + usize::from(left >= TX_HEIGHT[max as usize])
     }
 
     /// §5.11.17 `read_var_tx_size`.
@@ -153,5 +149,8 @@ impl TileDecoder<'_> {
 /// Width and height of a transform in units of 4 samples.
 #[inline]
 pub(super) fn tx_size4(size: u8) -> (u32, u32) {
-    (u32::from(TX_WIDTH[size as usize]) >> 2, u32::from(TX_HEIGHT[size as usize]) >> 2)
+    (
+        u32::from(TX_WIDTH[size as usize]) >> 2,
+        u32::from(TX_HEIGHT[size as usize]) >> 2,
+    )
 }

@@ -1,0 +1,128 @@
+//! §7.4 Decode frame wrapup: from the tiles of a frame to what later frames and the caller need.
+
+use std::sync::Arc;
+
+use crate::entropy::cdf_set::CdfSet;
+use crate::mvpred::projection::{ProjectedMotion, ProjectionSource};
+use crate::mvpred::storage::{SavedMotionBands, SavedMotionBuilder};
+use crate::obu::frame_header::FrameHeader;
+use crate::obu::sequence_header::SequenceHeader;
+use crate::refs::{ReferenceSlot, ReferenceSlots};
+use crate::tile::{FrameContext, TileOutput};
+
+/// §7.20: what tile data leaves in a reference slot.
+#[derive(Debug)]
+pub(crate) struct FrameState {
+    pub(crate) decode_index: u64,
+    pub(crate) display_index: i64,
+    /// Probabilities that a frame with this primary reference starts from; counters are 0.
+    pub(crate) cdfs: Arc<CdfSet>,
+    /// `SavedSegmentIds`; zeros when absent.
+    pub(crate) segment_ids: Option<Arc<[u8]>>,
+    /// `SavedMvs` and `SavedRefFrames`, when a later frame may ask for them.
+    pub(crate) motion: Option<SavedMotionBands>,
+}
+
+/// The decoded state behind each reference slot.
+pub(crate) type FrameStates = [Option<Arc<FrameState>>; 8];
+
+impl FrameContext {
+    /// What the tiles of a frame start from; `primary` is the state of the primary reference frame.
+    pub(crate) fn new(
+        sequence: &Arc<SequenceHeader>,
+        header: &Arc<FrameHeader>,
+        slots: &ReferenceSlots,
+        states: &FrameStates,
+        primary: Option<&FrameState>,
+    ) -> Self {
+        let slot = |name: i8| &slots[header.ref_frame_idx[name as usize - 1].into()];
+        let names = 1..=7_i8;
+        let (mut is_scaled, mut ref_is_past, mut ref_distance) = ([false; 8], [false; 8], [0; 8]);
+        if !header.frame_is_intra {
+            for name in names {
+                let hint = header.order_hints[name as usize];
+                is_scaled[name as usize] = is_reference_scaled(header, slot(name));
+                ref_distance[name as usize] = sequence.relative_dist(header.order_hint, hint);
+                ref_is_past[name as usize] = sequence.relative_dist(hint, header.order_hint) < 0;
+            }
+        }
+        let source = |name: i8| {
+            let index = usize::from(header.ref_frame_idx[name as usize - 1]);
+            let slot = &slots[index];
+            Some(ProjectionSource {
+                frame_type: slot.frame_type,
+                mi_rows: slot.mi_rows,
+                mi_cols: slot.mi_cols,
+                order_hints: &slot.saved_order_hints,
+                motion: states[index].as_ref()?.motion.as_ref()?,
+            })
+        };
+        let projected_motion = header
+            .use_ref_frame_mvs
+            .then(|| ProjectedMotion::estimate(sequence, header, source));
+        let prev_segment_ids = primary
+            .filter(|_| header.segmentation.enabled)
+            .filter(|_| {
+                let slot = header.primary_slot().map(|slot| &slots[slot]);
+                slot.is_some_and(|slot| {
+                    slot.mi_rows == header.size.mi_rows && slot.mi_cols == header.size.mi_cols
+                })
+            })
+            .and_then(|state| state.segment_ids.clone());
+        Self {
+            sequence: sequence.clone(),
+            header: header.clone(),
+            prev_segment_ids,
+            projected_motion,
+            is_scaled,
+            ref_distance,
+            ref_is_past,
+            codes_tx_type: std::array::from_fn(|segment| header.qindex(segment as u8, None) > 0),
+        }
+    }
+
+    /// §7.4, §7.19: the segmentation map that the frame leaves behind.
+    pub(crate) fn segment_map(&self, tiles: &[TileOutput]) -> Option<Arc<[u8]>> {
+        let segmentation = &self.header.segmentation;
+        if !segmentation.enabled {
+            return None;
+        }
+        if !segmentation.update_map {
+            return self.prev_segment_ids.clone();
+        }
+        let size = &self.header.size;
+        let (rows, cols) = (size.mi_rows as usize, size.mi_cols as usize);
+        let mut map = vec![0; rows * cols];
+        for block in tiles.iter().flat_map(|tile| &tile.blocks) {
+            let (row, col) = (block.mi_row as usize, block.mi_col as usize);
+            let col_end = cols.min(col + block.width4());
+            for row in row..rows.min(row + block.height4()) {
+                map[row * cols + col..row * cols + col_end].fill(block.segment_id);
+            }
+        }
+        Some(map.into())
+    }
+
+    /// §7.19: the motion that the frame leaves behind, if later frames can ask for it.
+    pub(crate) fn saved_motion(&self, tiles: &[TileOutput]) -> Option<SavedMotionBands> {
+        if self.header.frame_is_intra || !self.sequence.enable_ref_frame_mvs {
+            return None;
+        }
+        let mut builder = SavedMotionBuilder::new(self);
+        for block in tiles.iter().flat_map(|tile| &tile.blocks) {
+            builder.store(self, block);
+        }
+        Some(builder.finish())
+    }
+}
+
+/// §5.11.27 `is_scaled`.
+fn is_reference_scaled(header: &FrameHeader, slot: &ReferenceSlot) -> bool {
+    const REF_SCALE_SHIFT: u32 = 14;
+    let scale = |reference: u32, current: u32| {
+        ((u64::from(reference) << REF_SCALE_SHIFT) + u64::from(current / 2)) / u64::from(current)
+    };
+    let size = &header.size;
+    scale(slot.upscaled_width, size.frame_width) != 1 << REF_SCALE_SHIFT
+        || scale(slot.frame_height, size.frame_height) != 1 << REF_SCALE_SHIFT
+}

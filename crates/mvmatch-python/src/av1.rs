@@ -1,0 +1,357 @@
+//! Door to `av1-motion`: files and bytes in, NumPy columns out.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::PathBuf;
+
+use av1_motion::{Block, ContainerReader, Error, Frame, FrameInfo, Limits, Parser};
+use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+/// One Python exception for each kind of error, with its place as attributes.
+fn raise(py: Python<'_>, error: Error) -> PyErr {
+    let message = error.to_string();
+    let build = || {
+        let errors = py.import("mvmatch.errors")?;
+        let at = |section: &str, byte_offset: u64| {
+            let place = PyDict::new(py);
+            place.set_item("section", section)?;
+            place.set_item("byte_offset", byte_offset)?;
+            errors.getattr("BitstreamError")?.call((&message,), Some(&place))
+        };
+        match &error {
+            Error::Unsupported { .. } => errors.getattr("UnsupportedError")?.call1((&message,)),
+            Error::LimitExceeded { .. } => errors.getattr("LimitError")?.call1((&message,)),
+            Error::Malformed { section, byte_offset, .. }
+            | Error::MissingReference { section, byte_offset, .. } => at(section, *byte_offset),
+            _ => errors.getattr("MvmatchError")?.call1((&message,)),
+        }
+    };
+    match (error, build()) {
+        (Error::Io(error), _) if error.kind() == std::io::ErrorKind::NotFound => {
+            PyFileNotFoundError::new_err(error.to_string())
+        }
+        (Error::Io(error), _) => PyOSError::new_err(error.to_string()),
+        (_, Ok(exception)) => PyErr::from_value(exception),
+        (_, Err(error)) => error,
+    }
+}
+
+/// Units of an IVF, Section 5 or Annex B file.
+#[pyclass(module = "mvmatch._core", name = "ContainerReader")]
+pub struct PyContainerReader {
+    reader: ContainerReader<BufReader<File>>,
+}
+
+#[pymethods]
+impl PyContainerReader {
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let reader = py
+            .detach(|| ContainerReader::open(&path, &Limits::default()))
+            .map_err(|error| raise(py, error))?;
+        Ok(Self { reader })
+    }
+
+    /// The next unit as (pts, data, byte offset), or None at the end.
+    fn next_unit<'py>(
+        &mut self,
+        py: Python<'py>,
+    ) -> PyResult<Option<(Option<i64>, Bound<'py, PyBytes>, u64)>> {
+        let unit =
+            py.detach(|| self.reader.next_unit()).map_err(|error| raise(py, error))?;
+        Ok(unit.map(|unit| (unit.pts, PyBytes::new(py, &unit.data), unit.byte_offset)))
+    }
+
+    #[getter]
+    fn kind(&self) -> String {
+        format!("{:?}", self.reader.kind()).to_lowercase()
+    }
+
+    #[getter]
+    fn time_base(&self) -> Option<(u32, u32)> {
+        self.reader.time_base()
+    }
+
+    #[getter]
+    fn size(&self) -> Option<(u32, u32)> {
+        self.reader.size()
+    }
+}
+
+/// The AV1 parser.
+#[pyclass(module = "mvmatch._core")]
+pub struct Av1Parser {
+    parser: Parser,
+}
+
+#[pymethods]
+impl Av1Parser {
+    #[new]
+    #[pyo3(signature = (*, max_frame_area=None, max_frames=None))]
+    fn new(max_frame_area: Option<u64>, max_frames: Option<u64>) -> Self {
+        let mut limits = Limits { max_frames, ..Limits::default() };
+        if let Some(area) = max_frame_area {
+            limits.max_frame_area = area;
+        }
+        Self { parser: Parser::new(limits) }
+    }
+
+    /// Hands over one unit.
+    #[pyo3(signature = (unit, byte_offset=0))]
+    fn push(&mut self, unit: Vec<u8>, byte_offset: u64) {
+        self.parser.push(unit, byte_offset);
+    }
+
+    /// The next frame of the unit, or None when another unit is needed.
+    fn next_frame(&mut self, py: Python<'_>) -> PyResult<Option<CodedFrame>> {
+        let frame = py.detach(|| self.parser.next_frame()).map_err(|error| raise(py, error))?;
+        Ok(frame.map(|frame| CodedFrame { info: frame.info(), frame }))
+    }
+
+    /// Checks that the last frame is complete.
+    fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.parser.finish().map_err(|error| raise(py, error))
+    }
+}
+
+/// One decoded frame, or the order to show an earlier one.
+#[pyclass(module = "mvmatch._core", frozen)]
+pub struct CodedFrame {
+    frame: Frame,
+    info: FrameInfo,
+}
+
+/// Columns of a table by name.
+struct Columns<'py>(Bound<'py, PyDict>);
+
+impl<'py> Columns<'py> {
+    fn new(py: Python<'py>) -> Self {
+        Self(PyDict::new(py))
+    }
+
+    fn add<T: Element>(&self, name: &str, values: impl Iterator<Item = T>) -> PyResult<()> {
+        let values: Vec<T> = values.collect();
+        self.0.set_item(name, values.into_pyarray(self.0.py()))
+    }
+
+    fn add_rows<T: Element, const K: usize>(
+        &self,
+        name: &str,
+        rows: impl Iterator<Item = [T; K]>,
+    ) -> PyResult<()> {
+        self.0.set_item(name, table(self.0.py(), rows)?)
+    }
+}
+
+fn table<'py, T: Element, const K: usize>(
+    py: Python<'py>,
+    rows: impl Iterator<Item = [T; K]>,
+) -> PyResult<Bound<'py, PyArray2<T>>> {
+    let flat: Vec<T> = rows.flatten().collect();
+    let count = flat.len() / K;
+    flat.into_pyarray(py).reshape([count, K])
+}
+
+#[pymethods]
+impl CodedFrame {
+    #[getter]
+    fn decode_index(&self) -> u64 {
+        self.frame.decode_index
+    }
+
+    #[getter]
+    fn display_index(&self) -> i64 {
+        self.frame.display_index
+    }
+
+    #[getter]
+    fn unit_index(&self) -> u64 {
+        self.frame.unit_index
+    }
+
+    #[getter]
+    fn temporal_id(&self) -> u8 {
+        self.frame.temporal_id
+    }
+
+    #[getter]
+    fn spatial_id(&self) -> u8 {
+        self.frame.spatial_id
+    }
+
+    #[getter]
+    fn order_hint(&self) -> u32 {
+        self.info.order_hint
+    }
+
+    #[getter]
+    fn frame_type(&self) -> &'static str {
+        ["KEY", "INTER", "INTRA_ONLY", "SWITCH"][usize::from(self.info.frame_type & 3)]
+    }
+
+    #[getter]
+    fn show_frame(&self) -> bool {
+        self.info.show_frame
+    }
+
+    #[getter]
+    fn showable_frame(&self) -> bool {
+        self.info.showable_frame
+    }
+
+    #[getter]
+    fn show_existing_frame(&self) -> bool {
+        self.info.show_existing_frame
+    }
+
+    /// Width of the shown picture.
+    #[getter]
+    fn upscaled_width(&self) -> u32 {
+        self.info.upscaled_width
+    }
+
+    /// Coded width.
+    #[getter]
+    fn width(&self) -> u32 {
+        self.info.frame_width
+    }
+
+    #[getter]
+    fn height(&self) -> u32 {
+        self.info.frame_height
+    }
+
+    #[getter]
+    fn base_q_idx(&self) -> u8 {
+        self.info.base_q_idx
+    }
+
+    #[getter]
+    fn ref_decode_index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.references(py, |reference| reference.decode_index.cast_signed())
+    }
+
+    #[getter]
+    fn ref_display_index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.references(py, |reference| reference.display_index)
+    }
+
+    /// One row for each inter block and reference.
+    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let rows = py.detach(|| self.frame.motion().collect::<Vec<_>>());
+        let columns = Columns::new(py);
+        columns.add_rows("block", rows.iter().map(|row| row.block))?;
+        columns.add_rows("mv", rows.iter().map(|row| row.mv))?;
+        let frame_number = |index: i64| i32::try_from(index).unwrap_or(i32::MAX);
+        columns
+            .add("ref_frame", rows.iter().map(|row| frame_number(row.reference.display_index)))?;
+        columns.add("flags", rows.iter().map(|row| row.flags))?;
+        columns.add("segment_id", rows.iter().map(|row| row.segment_id))?;
+        columns.add("qindex", rows.iter().map(|row| row.qindex))?;
+        #[expect(clippy::cast_precision_loss, reason = "a proxy, not a count")]
+        columns.add("residual", rows.iter().map(|row| row.luma_level as f32))?;
+        columns.add_rows("warp", rows.iter().map(|row| row.warp.unwrap_or([f64::NAN; 6])))?;
+        Ok(columns.0)
+    }
+
+    /// One row for each coded block, under the specification's names.
+    fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let blocks = self.frame.blocks();
+        let columns = Columns::new(py);
+        macro_rules! add {
+            ($($name:literal: $value:expr),* $(,)?) => {
+                $(columns.add($name, blocks.iter().map($value))?;)*
+            };
+        }
+        add! {
+            "mi_row": |b: &Block| b.mi_row,
+            "mi_col": |b: &Block| b.mi_col,
+            "size": |b: &Block| b.size,
+            "partition": |b: &Block| b.partition,
+            "is_inter": |b: &Block| b.is_inter && !b.use_intrabc,
+            "use_intrabc": |b: &Block| b.use_intrabc,
+            "skip": |b: &Block| b.skip,
+            "skip_mode": |b: &Block| b.skip_mode,
+            "has_chroma": |b: &Block| b.has_chroma,
+            "segment_id": |b: &Block| b.segment_id,
+            "y_mode": |b: &Block| b.y_mode,
+            "uv_mode": |b: &Block| b.uv_mode,
+            "motion_mode": |b: &Block| b.motion_mode,
+            "interintra_mode": |b: &Block| b.interintra_mode,
+            "wedge_interintra": |b: &Block| b.wedge_interintra,
+            "wedge_index": |b: &Block| b.wedge_index,
+            "wedge_sign": |b: &Block| b.wedge_sign,
+            "mask_type": |b: &Block| b.mask_type,
+            "compound_type": |b: &Block| b.compound_type,
+            "comp_group_idx": |b: &Block| b.comp_group_idx,
+            "compound_idx": |b: &Block| b.compound_idx,
+            "ref_mv_idx": |b: &Block| b.ref_mv_idx,
+            "use_filter_intra": |b: &Block| b.use_filter_intra,
+            "filter_intra_mode": |b: &Block| b.filter_intra_mode,
+            "cfl_alpha_signs": |b: &Block| b.cfl_alpha_signs,
+            "cfl_alpha": |b: &Block| b.cfl_alpha,
+            "tx_size": |b: &Block| b.tx_size,
+            "q_index": |b: &Block| b.q_index,
+            "num_samples": |b: &Block| b.num_samples,
+            "is_warp_valid": |b: &Block| b.has_local_warp(),
+            "luma_level": |b: &Block| b.luma_level,
+        }
+        columns.add_rows("ref_frame", blocks.iter().map(|b| b.ref_frame))?;
+        let mvs = |b: &Block| [b.mv[0].row, b.mv[0].col, b.mv[1].row, b.mv[1].col];
+        columns.add_rows("mv", blocks.iter().map(mvs))?;
+        columns.add_rows("interp_filter", blocks.iter().map(|b| b.interp_filter))?;
+        columns.add_rows("palette_size", blocks.iter().map(|b| b.palette_size))?;
+        columns.add_rows("angle_delta", blocks.iter().map(|b| b.angle_delta))?;
+        columns.add_rows("delta_lf", blocks.iter().map(|b| b.delta_lf))?;
+        Ok(columns.0)
+    }
+
+    /// Facts of the headers, under the specification's names.
+    fn header<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let info = &self.info;
+        let facts = PyDict::new(py);
+        macro_rules! set {
+            ($($name:ident),* $(,)?) => { $(facts.set_item(stringify!($name), info.$name)?;)* };
+        }
+        set! {
+            frame_type, show_existing_frame, show_frame, showable_frame, error_resilient_mode,
+            order_hint, ref_order_hint, ref_frame_idx, ref_sign_bias, refresh_frame_flags,
+            primary_ref_frame, frame_width, frame_height, upscaled_width, render_width,
+            render_height, superres_denom, mi_rows, mi_cols, base_q_idx, segmentation_enabled,
+            allow_high_precision_mv, force_integer_mv, use_ref_frame_mvs, reference_select,
+            tile_cols, tile_rows, use_128x128_superblock, gm_type, gm_params, bit_depth,
+            mono_chrome, subsampling_x, subsampling_y,
+        }
+        Ok(facts)
+    }
+
+    /// (3, 5) counts over the transform blocks of Y, U, V: coded, all zero, sum of end-of-block
+    /// positions, sum of absolute levels, negative levels.
+    fn coefficient_stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u64>>> {
+        let stats = self.frame.coefficient_stats().iter().map(|plane| {
+            [
+                plane.coded_blocks,
+                plane.zero_blocks,
+                plane.end_of_block,
+                plane.level,
+                plane.negative,
+            ]
+        });
+        table(py, stats)
+    }
+}
+
+impl CodedFrame {
+    fn references<'py>(
+        &self,
+        py: Python<'py>,
+        index: impl Fn(av1_motion::Reference) -> i64,
+    ) -> Bound<'py, PyArray1<i64>> {
+        let indices: Vec<i64> =
+            self.frame.references.iter().map(|reference| reference.map_or(-1, &index)).collect();
+        indices.into_pyarray(py)
+    }
+}
