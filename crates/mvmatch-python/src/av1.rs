@@ -1,7 +1,6 @@
 //! Door to `av1-motion`: files and bytes in, NumPy columns out.
 
 use std::fs::File;
-use std::io::BufReader;
 use std::path::PathBuf;
 
 use av1_motion::{Block, ContainerReader, Error, Frame, FrameInfo, Limits, Parser};
@@ -13,36 +12,37 @@ use pyo3::types::{PyBytes, PyDict};
 /// One Python exception for each kind of error, with its place as attributes.
 fn raise(py: Python<'_>, error: Error) -> PyErr {
     let message = error.to_string();
-    let build = || {
-        let errors = py.import("mvmatch.errors")?;
-        let at = |section: &str, byte_offset: u64| {
-            let place = PyDict::new(py);
-            place.set_item("section", section)?;
-            place.set_item("byte_offset", byte_offset)?;
-            errors.getattr("BitstreamError")?.call((&message,), Some(&place))
-        };
-        match &error {
-            Error::Unsupported { .. } => errors.getattr("UnsupportedError")?.call1((&message,)),
-            Error::LimitExceeded { .. } => errors.getattr("LimitError")?.call1((&message,)),
-            Error::Malformed { section, byte_offset, .. }
-            | Error::MissingReference { section, byte_offset, .. } => at(section, *byte_offset),
-            _ => errors.getattr("MvmatchError")?.call1((&message,)),
+    let (class, place) = match error {
+        Error::Io(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return PyFileNotFoundError::new_err(error.to_string());
         }
+        Error::Io(error) => return PyOSError::new_err(error.to_string()),
+        Error::Malformed { section, byte_offset, .. }
+        | Error::MissingReference { section, byte_offset, .. } => {
+            ("BitstreamError", Some((section, byte_offset)))
+        }
+        Error::Unsupported { .. } => ("UnsupportedError", None),
+        Error::LimitExceeded { .. } => ("LimitError", None),
+        _ => ("MvmatchError", None),
     };
-    match (error, build()) {
-        (Error::Io(error), _) if error.kind() == std::io::ErrorKind::NotFound => {
-            PyFileNotFoundError::new_err(error.to_string())
+    let build = || {
+        let arguments = PyDict::new(py);
+        if let Some((section, byte_offset)) = place {
+            arguments.set_item("section", section)?;
+            arguments.set_item("byte_offset", byte_offset)?;
         }
-        (Error::Io(error), _) => PyOSError::new_err(error.to_string()),
-        (_, Ok(exception)) => PyErr::from_value(exception),
-        (_, Err(error)) => error,
+        py.import("mvmatch.errors")?.getattr(class)?.call((message,), Some(&arguments))
+    };
+    match build() {
+        Ok(exception) => PyErr::from_value(exception),
+        Err(error) => error,
     }
 }
 
 /// Units of an IVF, Section 5 or Annex B file.
 #[pyclass(module = "mvmatch._core", name = "ContainerReader")]
 pub struct PyContainerReader {
-    reader: ContainerReader<BufReader<File>>,
+    reader: ContainerReader<File>,
 }
 
 #[pymethods]
@@ -318,13 +318,16 @@ impl CodedFrame {
         }
         set! {
             frame_type, show_existing_frame, show_frame, showable_frame, error_resilient_mode,
-            order_hint, ref_order_hint, ref_frame_idx, ref_sign_bias, refresh_frame_flags,
+            order_hint, ref_order_hint, ref_sign_bias, refresh_frame_flags,
             primary_ref_frame, frame_width, frame_height, upscaled_width, render_width,
             render_height, superres_denom, mi_rows, mi_cols, base_q_idx, segmentation_enabled,
             allow_high_precision_mv, force_integer_mv, use_ref_frame_mvs, reference_select,
-            tile_cols, tile_rows, use_128x128_superblock, gm_type, gm_params, bit_depth,
+            tile_cols, tile_rows, use_128x128_superblock, gm_params, bit_depth,
             mono_chrome, subsampling_x, subsampling_y,
         }
+        // Arrays of u8 would become bytes objects.
+        facts.set_item("ref_frame_idx", info.ref_frame_idx.map(u32::from))?;
+        facts.set_item("gm_type", info.gm_type.map(u32::from))?;
         Ok(facts)
     }
 
