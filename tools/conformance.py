@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # libaom's numbers of the compound types, by the specification's (wedge, diffwtd, average, intra, distance).
 LIBAOM_COMPOUND_TYPE = np.array([2, 3, 0, -1, 1], np.int8)
+# NEARMV, NEAR_NEARMV, NEAR_NEWMV, NEW_NEARMV.
+NEAR_MODES = (14, 18, 21, 22)
 BLOCK_WIDTH = np.array(
     [4, 4, 8, 8, 8, 16, 16, 16, 32, 32, 32, 64, 64, 64, 128, 128, 4, 16, 8, 32, 16, 64]
 )
@@ -80,9 +82,11 @@ def block_columns(frame: CodedFrame) -> dict[str, np.ndarray]:
     wedge = b["wedge_index"] + 16 * b["wedge_sign"].astype(np.int16)
     kind = LIBAOM_COMPOUND_TYPE[b["compound_type"]]
     mask = np.select([kind == 2, kind == 3], [wedge, b["mask_type"].astype(np.int16)], -1)
-    filtered = (inter | copied)[:, None]
-    filters = np.where(filtered, b["interp_filter"].astype(np.int16), -1)
+    filters = np.where(inter[:, None], b["interp_filter"].astype(np.int16), -1)
     cfl = b["uv_mode"] == 13
+    warped = b["motion_mode"] == 2
+    # libaom counts the entries behind NEAR from 0, the specification from 1.
+    near = np.isin(b["y_mode"], NEAR_MODES)
     return {
         "blk_row": b["mi_row"],
         "blk_col": b["mi_col"],
@@ -97,8 +101,8 @@ def block_columns(frame: CodedFrame) -> dict[str, np.ndarray]:
         "skip": b["skip"],
         "skip_mode": b["skip_mode"],
         "motion_mode": b["motion_mode"],
-        "num_proj_ref": b["num_samples"],
-        "warp_invalid": (b["motion_mode"] == 2) & ~b["is_warp_valid"].astype(bool),
+        "num_proj_ref": np.where(warped, b["num_samples"], 0),
+        "warp_invalid": warped & ~b["is_warp_valid"].astype(bool),
         "interintra_mode": np.where(interintra, b["interintra_mode"].astype(np.int16), -1),
         "interintra_wedge": np.where(
             interintra & b["wedge_interintra"].astype(bool), b["wedge_index"].astype(np.int16), -1
@@ -106,8 +110,8 @@ def block_columns(frame: CodedFrame) -> dict[str, np.ndarray]:
         "comp_type": np.where(compound, kind, -1),
         "comp_mask": np.where(compound, mask, -1),
         "comp_group_idx": b["comp_group_idx"],
-        "compound_idx": b["compound_idx"],
-        "ref_mv_idx": b["ref_mv_idx"],
+        "compound_idx": np.where(compound, b["compound_idx"], 0),
+        "ref_mv_idx": b["ref_mv_idx"] - near.astype(np.uint8),
         "filter_y": filters[:, 0],
         "filter_x": filters[:, 1],
         "segment_id": b["segment_id"],
@@ -121,7 +125,7 @@ def block_columns(frame: CodedFrame) -> dict[str, np.ndarray]:
         "angle_y": b["angle_delta"][:, 0],
         "angle_uv": b["angle_delta"][:, 1],
         "cfl_signs": np.where(cfl, b["cfl_alpha_signs"].astype(np.int16), -1),
-        "cfl_idx": b["cfl_alpha"],
+        "cfl_idx": b["cfl_alpha"].astype(np.int8),
     }
 
 

@@ -4,7 +4,10 @@ use crate::motion::Frame;
 
 /// Facts of a frame's headers, under the specification's names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[expect(clippy::struct_excessive_bools, reason = "the flags of the specification, one to one")]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "the flags of the specification, one to one"
+)]
 pub struct FrameInfo {
     /// 0 key, 1 inter, 2 intra-only, 3 switch.
     pub frame_type: u8,

@@ -17,10 +17,16 @@ fn raise(py: Python<'_>, error: Error) -> PyErr {
             return PyFileNotFoundError::new_err(error.to_string());
         }
         Error::Io(error) => return PyOSError::new_err(error.to_string()),
-        Error::Malformed { section, byte_offset, .. }
-        | Error::MissingReference { section, byte_offset, .. } => {
-            ("BitstreamError", Some((section, byte_offset)))
+        Error::Malformed {
+            section,
+            byte_offset,
+            ..
         }
+        | Error::MissingReference {
+            section,
+            byte_offset,
+            ..
+        } => ("BitstreamError", Some((section, byte_offset))),
         Error::Unsupported { .. } => ("UnsupportedError", None),
         Error::LimitExceeded { .. } => ("LimitError", None),
         _ => ("MvmatchError", None),
@@ -31,7 +37,9 @@ fn raise(py: Python<'_>, error: Error) -> PyErr {
             arguments.set_item("section", section)?;
             arguments.set_item("byte_offset", byte_offset)?;
         }
-        py.import("mvmatch.errors")?.getattr(class)?.call((message,), Some(&arguments))
+        py.import("mvmatch.errors")?
+            .getattr(class)?
+            .call((message,), Some(&arguments))
     };
     match build() {
         Ok(exception) => PyErr::from_value(exception),
@@ -60,8 +68,9 @@ impl PyContainerReader {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<Option<(Option<i64>, Bound<'py, PyBytes>, u64)>> {
-        let unit =
-            py.detach(|| self.reader.next_unit()).map_err(|error| raise(py, error))?;
+        let unit = py
+            .detach(|| self.reader.next_unit())
+            .map_err(|error| raise(py, error))?;
         Ok(unit.map(|unit| (unit.pts, PyBytes::new(py, &unit.data), unit.byte_offset)))
     }
 
@@ -92,11 +101,16 @@ impl Av1Parser {
     #[new]
     #[pyo3(signature = (*, max_frame_area=None, max_frames=None))]
     fn new(max_frame_area: Option<u64>, max_frames: Option<u64>) -> Self {
-        let mut limits = Limits { max_frames, ..Limits::default() };
+        let mut limits = Limits {
+            max_frames,
+            ..Limits::default()
+        };
         if let Some(area) = max_frame_area {
             limits.max_frame_area = area;
         }
-        Self { parser: Parser::new(limits) }
+        Self {
+            parser: Parser::new(limits),
+        }
     }
 
     /// Hands over one unit.
@@ -107,8 +121,13 @@ impl Av1Parser {
 
     /// The next frame of the unit, or None when another unit is needed.
     fn next_frame(&mut self, py: Python<'_>) -> PyResult<Option<CodedFrame>> {
-        let frame = py.detach(|| self.parser.next_frame()).map_err(|error| raise(py, error))?;
-        Ok(frame.map(|frame| CodedFrame { info: frame.info(), frame }))
+        let frame = py
+            .detach(|| self.parser.next_frame())
+            .map_err(|error| raise(py, error))?;
+        Ok(frame.map(|frame| CodedFrame {
+            info: frame.info(),
+            frame,
+        }))
     }
 
     /// Checks that the last frame is complete.
@@ -246,14 +265,20 @@ impl CodedFrame {
         columns.add_rows("block", rows.iter().map(|row| row.block))?;
         columns.add_rows("mv", rows.iter().map(|row| row.mv))?;
         let frame_number = |index: i64| i32::try_from(index).unwrap_or(i32::MAX);
-        columns
-            .add("ref_frame", rows.iter().map(|row| frame_number(row.reference.display_index)))?;
+        columns.add(
+            "ref_frame",
+            rows.iter()
+                .map(|row| frame_number(row.reference.display_index)),
+        )?;
         columns.add("flags", rows.iter().map(|row| row.flags))?;
         columns.add("segment_id", rows.iter().map(|row| row.segment_id))?;
         columns.add("qindex", rows.iter().map(|row| row.qindex))?;
         #[expect(clippy::cast_precision_loss, reason = "a proxy, not a count")]
         columns.add("residual", rows.iter().map(|row| row.luma_level as f32))?;
-        columns.add_rows("warp", rows.iter().map(|row| row.warp.unwrap_or([f64::NAN; 6])))?;
+        columns.add_rows(
+            "warp",
+            rows.iter().map(|row| row.warp.unwrap_or([f64::NAN; 6])),
+        )?;
         Ok(columns.0)
     }
 
@@ -353,8 +378,12 @@ impl CodedFrame {
         py: Python<'py>,
         index: impl Fn(av1_motion::Reference) -> i64,
     ) -> Bound<'py, PyArray1<i64>> {
-        let indices: Vec<i64> =
-            self.frame.references.iter().map(|reference| reference.map_or(-1, &index)).collect();
+        let indices: Vec<i64> = self
+            .frame
+            .references
+            .iter()
+            .map(|reference| reference.map_or(-1, &index))
+            .collect();
         indices.into_pyarray(py)
     }
 }
