@@ -2,6 +2,12 @@
 //!
 //! Written from the AV1 specification; `§` names its sections (edition of June 2023).
 #![forbid(unsafe_code)]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "positions, sizes and vectors fit by the limits of the format, which the headers check"
+)]
 
 mod bits;
 mod container;
@@ -16,6 +22,10 @@ mod mvpred;
 mod obu;
 mod parser;
 mod refs;
+#[allow(
+    dead_code,
+    reason = "the tables and constants of the specification, complete"
+)]
 mod tables;
 mod tile;
 mod warp;

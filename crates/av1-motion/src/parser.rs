@@ -21,8 +21,9 @@ use crate::tile::{CoefficientStats, FrameContext, TileBounds, TileDecoder, TileO
 ///
 /// ```no_run
 /// # fn main() -> av1_motion::Result<()> {
-/// let mut reader = av1_motion::ContainerReader::open("clip.ivf".as_ref())?;
-/// let mut parser = av1_motion::Parser::new(av1_motion::Limits::default());
+/// let limits = av1_motion::Limits::default();
+/// let mut reader = av1_motion::ContainerReader::open("clip.ivf", &limits)?;
+/// let mut parser = av1_motion::Parser::new(limits);
 /// while let Some(unit) = reader.next_unit()? {
 ///     parser.push(unit.data, unit.byte_offset);
 ///     while let Some(frame) = parser.next_frame()? {
@@ -239,7 +240,7 @@ impl Parser {
             });
         }
         let length = reader.position() / 8;
-        self.current = Some(self.start_frame(obu, &sequence, header)?);
+        self.current = Some(self.start_frame(obu, &sequence, &header)?);
         Ok((length, None))
     }
 
@@ -248,9 +249,9 @@ impl Parser {
         &mut self,
         obu: &Obu,
         sequence: &Arc<SequenceHeader>,
-        header: Arc<FrameHeader>,
+        header: &Arc<FrameHeader>,
     ) -> Result<CurrentFrame> {
-        let display_index = self.display.place(sequence, &header);
+        let display_index = self.display.place(sequence, header);
         let primary = match header.primary_slot() {
             None => None,
             Some(slot) => {
@@ -266,7 +267,7 @@ impl Parser {
             || Arc::new(CdfSet::defaults(header.quantization.base_q_idx)),
             |state| state.cdfs.clone(),
         );
-        let context = FrameContext::new(sequence, &header, &self.slots, &self.states, primary);
+        let context = FrameContext::new(sequence, header, &self.slots, &self.states, primary);
         let references = if header.frame_is_intra {
             [None; 7]
         } else {
@@ -349,7 +350,7 @@ impl Parser {
         self.refresh(&header, &context.sequence, &state);
         self.num_decoded += 1;
         let (mut blocks, mut warps) = (Vec::new(), Vec::new());
-        let mut stats = [CoefficientStats::default(); 3];
+        let mut totals = [CoefficientStats::default(); 3];
         for mut tile in current.tiles {
             for block in &mut tile.blocks {
                 block.offset_warp(warps.len() as u32);
@@ -360,8 +361,8 @@ impl Parser {
             } else {
                 blocks.append(&mut tile.blocks);
             }
-            for (sum, tile) in stats.iter_mut().zip(tile.stats) {
-                *sum = sum.plus(&tile);
+            for (sum, counts) in totals.iter_mut().zip(tile.stats) {
+                *sum = sum.plus(&counts);
             }
         }
         Frame {
@@ -376,7 +377,7 @@ impl Parser {
             sequence: context.sequence,
             blocks,
             warps,
-            stats,
+            stats: totals,
         }
     }
 
@@ -421,8 +422,8 @@ impl Parser {
         state: &Arc<FrameState>,
     ) {
         self.slots.update(header, sequence);
-        for (slot, held) in self.states.iter_mut().enumerate() {
-            if header.refresh_frame_flags >> slot & 1 == 1 {
+        for (index, held) in self.states.iter_mut().enumerate() {
+            if header.refresh_frame_flags >> index & 1 == 1 {
                 *held = Some(state.clone());
             }
         }
@@ -435,8 +436,8 @@ impl Parser {
         };
         let flags = current.context.header.refresh_frame_flags;
         self.slots.clear(flags);
-        for (slot, held) in self.states.iter_mut().enumerate() {
-            if flags >> slot & 1 == 1 {
+        for (index, held) in self.states.iter_mut().enumerate() {
+            if flags >> index & 1 == 1 {
                 *held = None;
             }
         }

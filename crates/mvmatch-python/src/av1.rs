@@ -47,6 +47,9 @@ fn raise(py: Python<'_>, error: Error) -> PyErr {
     }
 }
 
+/// Presentation time, data and byte offset of a unit.
+type PyUnit<'py> = (Option<i64>, Bound<'py, PyBytes>, u64);
+
 /// Units of an IVF, Section 5 or Annex B file.
 #[pyclass(module = "mvmatch._core", name = "ContainerReader")]
 pub struct PyContainerReader {
@@ -64,10 +67,7 @@ impl PyContainerReader {
     }
 
     /// The next unit as (pts, data, byte offset), or None at the end.
-    fn next_unit<'py>(
-        &mut self,
-        py: Python<'py>,
-    ) -> PyResult<Option<(Option<i64>, Bound<'py, PyBytes>, u64)>> {
+    fn next_unit<'py>(&mut self, py: Python<'py>) -> PyResult<Option<PyUnit<'py>>> {
         let unit = py
             .detach(|| self.reader.next_unit())
             .map_err(|error| raise(py, error))?;
@@ -165,10 +165,10 @@ impl<'py> Columns<'py> {
     }
 }
 
-fn table<'py, T: Element, const K: usize>(
-    py: Python<'py>,
+fn table<T: Element, const K: usize>(
+    py: Python<'_>,
     rows: impl Iterator<Item = [T; K]>,
-) -> PyResult<Bound<'py, PyArray2<T>>> {
+) -> PyResult<Bound<'_, PyArray2<T>>> {
     let flat: Vec<T> = rows.flatten().collect();
     let count = flat.len() / K;
     flat.into_pyarray(py).reshape([count, K])

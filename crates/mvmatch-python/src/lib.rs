@@ -1,4 +1,9 @@
 //! The Python module `mvmatch._core`: converts, releases the GIL, decides nothing.
+#![allow(
+    clippy::needless_pass_by_value,
+    reason = "PyO3 extracts arguments by value"
+)]
+
 use pyo3::prelude::*;
 
 mod av1;

@@ -4,6 +4,10 @@
 //! already inverted, so that renormalisation is a shift. Reads never fail: past the end the
 //! specification pads with zero bits, and [`SymbolDecoder::finish`] says once whether the tile was
 //! longer than its data.
+#![allow(
+    clippy::inline_always,
+    reason = "the innermost loop of the parser; measured in NOTES.md"
+)]
 
 use super::cdf::Cdf;
 

@@ -49,9 +49,9 @@ impl Search<'_> {
         };
         let mut mvs = [MotionVector::ZERO; 2];
         let lists = if self.is_compound { 2 } else { 1 };
-        for list in 0..lists {
-            let distance = frame.ref_distance[self.block.ref_frame[list] as usize];
-            mvs[list] = lower_precision(&frame.header, projected.project(distance));
+        for (mv, &reference) in mvs[..lists].iter_mut().zip(&self.block.ref_frame) {
+            let distance = frame.ref_distance[reference as usize];
+            *mv = lower_precision(&frame.header, projected.project(distance));
         }
         if is_first {
             let is_far = (0..lists).any(|list| {

@@ -23,8 +23,3 @@ pub(crate) mod uncompressed_header;
 
 #[cfg(test)]
 mod tests;
-
-pub(crate) use frame_header::{FrameHeader, FrameType, TxMode};
-pub(crate) use header::{Obu, ObuHeader, ObuIterator, ObuType};
-pub(crate) use sequence_header::SequenceHeader;
-pub(crate) use tile_group::TileGroup;

@@ -13,10 +13,6 @@ pub(crate) const SEG_LVL_MAX: usize = 8;
 pub(crate) const SEG_LVL_ALT_Q: usize = 0;
 /// §3 `SEG_LVL_REF_FRAME`.
 pub(crate) const SEG_LVL_REF_FRAME: usize = 5;
-/// §3 `SEG_LVL_SKIP`.
-pub(crate) const SEG_LVL_SKIP: usize = 6;
-/// §3 `SEG_LVL_GLOBALMV`.
-pub(crate) const SEG_LVL_GLOBALMV: usize = 7;
 
 /// §5.9.14 `Segmentation_Feature_Bits`.
 const FEATURE_BITS: [u32; SEG_LVL_MAX] = [8, 6, 6, 6, 6, 3, 0, 0];

@@ -5,7 +5,9 @@ use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::refs::{ReferenceSlots, SlotState};
 
-use super::{FrameHeader, FrameType, ObuHeader, ObuType, SequenceHeader, TxMode};
+use super::frame_header::{FrameHeader, FrameType, TxMode};
+use super::header::{ObuHeader, ObuType};
+use super::sequence_header::SequenceHeader;
 
 /// libaom 3.6, 512x288, tile groups: sequence header and the headers of the first three frames.
 const SEQUENCE: [u8; 11] = [

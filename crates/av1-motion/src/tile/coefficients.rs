@@ -112,7 +112,7 @@ impl TileDecoder<'_> {
             plane_type,
             class,
         );
-        let cdfs = LevelCdfs {
+        let mut cdfs = LevelCdfs {
             base_eob: &mut coef.coeff_base_eob[size_context][plane_type],
             base: &mut coef.coeff_base[size_context][plane_type],
             range: &mut coef.coeff_br[size_context.min(TX_32X32 as usize)][plane_type],
@@ -120,9 +120,11 @@ impl TileDecoder<'_> {
         let scratch = &mut *self.scratch;
         let symbols = &mut self.symbols;
         let count = match class {
-            TX_CLASS_2D => read_levels::<TX_CLASS_2D>(symbols, cdfs, scratch, tx_size, eob),
-            TX_CLASS_HORIZ => read_levels::<TX_CLASS_HORIZ>(symbols, cdfs, scratch, tx_size, eob),
-            _ => read_levels::<TX_CLASS_VERT>(symbols, cdfs, scratch, tx_size, eob),
+            TX_CLASS_2D => read_levels::<TX_CLASS_2D>(symbols, &mut cdfs, scratch, tx_size, eob),
+            TX_CLASS_HORIZ => {
+                read_levels::<TX_CLASS_HORIZ>(symbols, &mut cdfs, scratch, tx_size, eob)
+            }
+            _ => read_levels::<TX_CLASS_VERT>(symbols, &mut cdfs, scratch, tx_size, eob),
         };
         let sign_context = {
             let above = &self.above.coefficients[plane][cols.clone()];
@@ -269,7 +271,7 @@ struct LevelCdfs<'a> {
 /// §5.11.39: the levels, from the last coefficient to the first; returns how many are not zero.
 fn read_levels<const CLASS: u8>(
     symbols: &mut SymbolDecoder,
-    cdfs: LevelCdfs,
+    cdfs: &mut LevelCdfs,
     scratch: &mut CoefficientScratch,
     tx_size: u8,
     eob: usize,

@@ -62,6 +62,7 @@ pub(crate) struct FrameContext {
 
 /// Position of a tile in units of 4x4 luma samples.
 #[derive(Clone, Copy, Debug)]
+#[expect(clippy::struct_field_names, reason = "the specification's names")]
 pub(crate) struct TileBounds {
     pub(crate) mi_row_start: u32,
     pub(crate) mi_row_end: u32,
@@ -83,12 +84,6 @@ impl TileBounds {
     #[inline]
     pub(crate) fn col(&self, mi_col: u32) -> usize {
         (mi_col - self.mi_col_start) as usize
-    }
-
-    /// Row relative to the tile.
-    #[inline]
-    pub(crate) fn row(&self, mi_row: u32) -> usize {
-        (mi_row - self.mi_row_start) as usize
     }
 
     /// Height in units of 4 luma samples.
@@ -141,9 +136,7 @@ pub(crate) struct BlockContext {
 
 /// What a tile leaves behind.
 pub(crate) struct TileOutput {
-    pub(crate) bounds: TileBounds,
     pub(crate) blocks: Vec<Block>,
-    pub(crate) grid: TileGrid,
     /// §7.11.3.8 `LocalWarpParams` of the blocks with a valid local model.
     pub(crate) warps: Vec<[i32; 6]>,
     pub(crate) stats: [CoefficientStats; 3],
@@ -210,9 +203,7 @@ impl<'a> TileDecoder<'a> {
     pub(crate) fn decode(mut self) -> TileOutput {
         let error = self.decode_superblocks().err();
         TileOutput {
-            bounds: self.bounds,
             blocks: self.blocks,
-            grid: self.grid,
             warps: self.warps,
             stats: self.stats,
             cdfs: self.cdfs,

@@ -122,7 +122,7 @@ impl TileDecoder<'_> {
         let above = context
             .above
             .as_ref()
-            .filter(|_| block.mi_row % 16 != 0)
+            .filter(|_| !block.mi_row.is_multiple_of(16))
             .map_or(0, |above| above.palette_size[plane] as usize);
         let left = context
             .left

@@ -40,10 +40,9 @@ impl TileDecoder<'_> {
             return Ok(());
         }
         let cdf_context = match above_left {
-            None => 0,
             Some(_) if above_left == above && above_left == left => 2,
             Some(_) if above_left == above || above_left == left || above == left => 1,
-            Some(_) => 0,
+            _ => 0,
         };
         let symbol = self.symbols.symbol(&mut self.cdfs.segment_id[cdf_context]);
         let last_active = self.frame.header.segmentation.last_active_seg_id;

@@ -15,7 +15,11 @@ impl TileDecoder<'_> {
     /// §5.11.16 `read_block_tx_size`.
     pub(super) fn read_block_tx_size(&mut self, block: &mut Block, context: &BlockContext) {
         let is_select = self.frame.header.tx_mode == TxMode::Select;
-        if is_select && block.size > BLOCK_4X4 && block.is_inter && !block.skip && !context.lossless
+        if is_select
+            && block.size != BLOCK_4X4
+            && block.is_inter
+            && !block.skip
+            && !context.lossless
         {
             let max = MAX_TX_SIZE_RECT[block.size as usize];
             let (width4, height4) = tx_size4(max);
@@ -40,7 +44,7 @@ impl TileDecoder<'_> {
             return TX_4X4;
         }
         let max = MAX_TX_SIZE_RECT[block.size as usize];
-        if !is_coded || block.size <= BLOCK_4X4 {
+        if !is_coded || block.size == BLOCK_4X4 {
             return max;
         }
         let cdf_context = self.tx_depth_context(block, context, max);
