@@ -158,7 +158,10 @@ def compare_frame(frame: CodedFrame, golden: Any, record: int) -> Iterator[tuple
     if is_inter:
         for name, field in REFERENCE_FIELDS.items():
             yield name, np.array_equal(golden[name][record], np.array(header[field], np.int64))
-        yield "ref_decode_idx", np.array_equal(golden["ref_decode_idx"][record], frame.ref_decode_index)
+        yield (
+            "ref_decode_idx",
+            np.array_equal(golden["ref_decode_idx"][record], frame.ref_decode_index),
+        )
     stats = frame.coefficient_stats()
     yield "txb_stats", np.array_equal(golden["txb_stats"][record], stats.astype(np.int64))
     columns = block_columns(frame)
@@ -215,7 +218,9 @@ class Report:
 
 def main() -> int:
     """Print the table; 0 when nothing differs."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("directory", type=Path, nargs="+")
     parser.add_argument("--only", default="", help="streams whose name contains this")
     parser.add_argument("--allow-unsupported", action="store_true")

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from mvmatch.types import MotionField
 
+__all__ = ["Av1Parser", "CodedFrame", "ContainerReader", "TrackLinker", "fit_neighbors"]
+
 @final
 class ContainerReader:
     """Temporal units of an IVF file, a Section 5 OBU stream or an Annex B stream.

@@ -9,11 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mvmatch import _core
-
 pytest.importorskip("mvmatch.sfm")
-if not hasattr(_core, "Av1Parser"):
-    pytest.skip("the parser is not there yet", allow_module_level=True)
 
 from mvmatch.cli import main
 from mvmatch.pipeline import match_video

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mvmatch import _core
+pytest.importorskip("mvmatch.sfm")
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,7 +18,6 @@ def python_blocks(readme: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
 
 
-@pytest.mark.skipif(not hasattr(_core, "Av1Parser"), reason="the parser is not there yet")
 def test_the_example_of_the_readme_runs(
     repository: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
