@@ -45,7 +45,7 @@ def test_a_camera_of_twice_the_size_is_scaled_to_the_video():
 
 
 def test_a_camera_of_another_shape_is_refused_with_both_sizes():
-    with pytest.raises(DataError, match="2000x2000.*1000x500"):
+    with pytest.raises(DataError, match=r"2000x2000.*1000x500"):
         parse_camera("PINHOLE 2000 2000 700 700 1000 500", 1000, 500)
 
 
