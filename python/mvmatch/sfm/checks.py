@@ -1,0 +1,172 @@
+"""Is a model right? Registered is not: a wrong one can hold every image.
+
+A forward-moving camera often leads the mapper into a model that registers everything at about 1 px,
+with the path bent by 8 % of its length. What gives it away is that it contradicts the relative
+motion which pairs of its own images measure.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pycolmap
+
+    from mvmatch.sfm.evidence import Evidence, PairEvidence
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptanceOptions:
+    """Bounds that a model must keep."""
+
+    min_registered: float = 0.8
+    """Share of the images."""
+    max_reprojection_error: float = 2.0
+    """Mean, px."""
+    max_rotation_error: float = 1.0
+    """Degrees between a pair's rotation in the model and measured from the pair alone."""
+    max_direction_error: float = 5.0
+    """Degrees between the two directions of translation."""
+    min_agreement: float = 0.9
+    """Share of the pairs with parallax that keep both bounds."""
+    min_parallax: float = 1.0
+    """Degrees; pairs below it say little about the direction. Lowered where no pair reaches it."""
+    min_observations: float = 0.25
+    """Share of the matched keypoints that belong to a point of the model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelCheck:
+    """What was measured on a model, and what speaks against it."""
+
+    registered: int
+    total: int
+    num_points: int
+    mean_reprojection_error: float
+    """px."""
+    mean_track_length: float
+    """Images per point."""
+    observation_share: float
+    """Observations in the model over keypoints with a verified match."""
+    agreement: float
+    """Share of the pairs with parallax whose motion the model confirms; NaN without any."""
+    median_rotation_error: float
+    """Degrees."""
+    median_direction_error: float
+    """Degrees."""
+    reasons: tuple[str, ...]
+    """Why the model is not accepted; empty when it is."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether nothing speaks against the model."""
+        return not self.reasons
+
+
+def check_model(
+    model: pycolmap.Reconstruction, evidence: Evidence, options: AcceptanceOptions
+) -> ModelCheck:
+    """Compare a model with the evidence of its image pairs.
+
+    Parameters
+    ----------
+    model : pycolmap.Reconstruction
+        Result of a mapper.
+    evidence : Evidence
+        Of the database it was made from.
+    options : AcceptanceOptions
+        Bounds.
+
+    Returns
+    -------
+    ModelCheck
+        With a sentence for every bound that is not kept.
+    """
+    errors = relative_motion_errors(model, evidence, options.min_parallax)
+    kept = (errors[:, 0] <= options.max_rotation_error) & (
+        errors[:, 1] <= options.max_direction_error
+    )
+    agreement = float(kept.mean()) if len(kept) else float("nan")
+    registered = model.num_reg_images()
+    error = float(model.compute_mean_reprojection_error())
+    share = model.compute_num_observations() / max(1, evidence.num_observations)
+    reasons: list[str] = []
+    if registered < options.min_registered * evidence.num_images:
+        reasons.append(f"only {registered} of {evidence.num_images} images are registered")
+    if not error <= options.max_reprojection_error:
+        reasons.append(
+            f"the mean reprojection error is {error:.2f} px, "
+            f"above {options.max_reprojection_error:g} px"
+        )
+    if share < options.min_observations:
+        reasons.append(f"only {share:.0%} of the matched keypoints belong to a point of the model")
+    if not agreement >= options.min_agreement:
+        reasons.append(_disagreement(agreement, len(kept)))
+    return ModelCheck(
+        registered=registered,
+        total=evidence.num_images,
+        num_points=model.num_points3D(),
+        mean_reprojection_error=error,
+        mean_track_length=float(model.compute_mean_track_length()),
+        observation_share=share,
+        agreement=agreement,
+        median_rotation_error=float(np.median(errors[:, 0])) if len(errors) else float("nan"),
+        median_direction_error=float(np.median(errors[:, 1])) if len(errors) else float("nan"),
+        reasons=tuple(reasons),
+    )
+
+
+def relative_motion_errors(
+    model: pycolmap.Reconstruction, evidence: Evidence, min_parallax: float
+) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Angles between the relative motion of pairs in the model and in the evidence.
+
+    Returns
+    -------
+    (P, 2) float64
+        Rotation and direction of translation, degrees; one row per registered pair with parallax.
+    """
+    poses = {image_id: model.image(image_id).cam_from_world() for image_id in model.reg_image_ids()}
+    pairs = [pair for pair in evidence.pairs if pair.image0 in poses and pair.image1 in poses]
+    rows: list[tuple[float, float]] = []
+    for pair in _with_parallax(pairs, min_parallax):
+        pose = poses[pair.image1] * poses[pair.image0].inverse()
+        rotation = np.asarray(pose.rotation.matrix(), np.float64)
+        rows.append(
+            (
+                _angle(0.5 * (np.trace(rotation @ pair.rotation.T) - 1.0)),
+                _angle(_cosine(np.asarray(pose.translation, np.float64), pair)),
+            )
+        )
+    return np.array(rows, np.float64).reshape(-1, 2)
+
+
+def _with_parallax(pairs: list[PairEvidence], min_parallax: float) -> list[PairEvidence]:
+    """Pairs with enough parallax; where those are few, the better half."""
+    enough = [pair for pair in pairs if pair.parallax >= min_parallax]
+    if len(enough) >= min(10, len(pairs)):
+        return enough
+    return sorted(pairs, key=lambda pair: -pair.parallax)[: max(1, len(pairs) // 2)]
+
+
+def _cosine(translation: np.ndarray[tuple[int], np.dtype[np.float64]], pair: PairEvidence) -> float:
+    length = float(np.linalg.norm(translation))
+    return float(translation @ pair.direction) / length if length > 0 else -1.0
+
+
+def _angle(cosine: float) -> float:
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _disagreement(agreement: float, count: int) -> str:
+    if count == 0:
+        return "no image pair has enough parallax to check the model against"
+    return (
+        f"the model contradicts the relative motion of {1 - agreement:.0%} of {count} image pairs"
+    )

@@ -1,0 +1,198 @@
+"""What pairs of images say about the motion, before any model exists.
+
+Two views with parallax know their relative rotation and direction far better than a mapper that
+went astray. So these measurements choose where mapping starts, and judge what comes out of it.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from mvmatch.geometry.sampson import homography_error
+from mvmatch.geometry.two_view import fit_pair
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import pycolmap
+    from numpy.typing import NDArray
+
+_Item = TypeVar("_Item")
+
+MIN_INLIERS = 50
+"""Pairs with fewer are not evidence."""
+
+MAX_PAIRS = 500
+"""Pairs measured; of more an even selection is taken."""
+
+MAX_REFITTED_PAIRS = 150
+"""As `MAX_PAIRS`, where every pair has to be fitted."""
+
+_MAX_SAMPLE = 256
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairEvidence:
+    """Relative motion of one image pair, measured from its own matches alone."""
+
+    image0: int
+    image1: int
+    """Image ids of the database."""
+    num_inliers: int
+    rotation: NDArray[np.float64]
+    """(3, 3) ``cam1_from_cam0``."""
+    direction: NDArray[np.float64]
+    """(3,) translation of ``cam1_from_cam0``, unit length."""
+    parallax: float
+    """Median angle in degrees between the two rays of a match, rotation removed."""
+    displacement: float
+    """Median displacement of the matches in px."""
+    homography_ratio: float
+    """Inliers of a homography over inliers of the essential matrix."""
+
+    @property
+    def strength(self) -> float:
+        """How well the pair fixes its geometry: parallax in degrees times the root of the count."""
+        return float(min(self.parallax, 10.0) * np.sqrt(self.num_inliers))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """All measured pairs of a database."""
+
+    num_images: int
+    pairs: tuple[PairEvidence, ...]
+    num_observations: int
+    """Keypoints that have a verified match."""
+    has_prior_focal_length: bool
+    """Whether the cameras are known rather than guessed."""
+
+    def strongest(self, count: int) -> list[PairEvidence]:
+        """Return the strongest pairs, spread over the images.
+
+        The first is the strongest of all; each next one starts at least an eighth of the images
+        away from those before.
+        """
+        apart = max(2.0, self.num_images / 8)
+        chosen: list[PairEvidence] = []
+        for pair in sorted(self.pairs, key=_by_strength):
+            middle = pair.image0 + pair.image1
+            if all(abs(middle - (c.image0 + c.image1)) >= 2 * apart for c in chosen):
+                chosen.append(pair)
+                if len(chosen) == count:
+                    break
+        return chosen
+
+
+def read_evidence(database_path: Path, *, refit: bool = False) -> Evidence:
+    """Measure the relative motion of a database's verified image pairs.
+
+    Parameters
+    ----------
+    database_path : Path
+        COLMAP database with two-view geometries.
+    refit : bool
+        Fit every pair anew, because the cameras changed since the geometries were written.
+
+    Returns
+    -------
+    Evidence
+        Pairs with at least `MIN_INLIERS` inliers, sorted by image ids.
+    """
+    import pycolmap
+
+    with pycolmap.Database.open(database_path) as database:
+        images = {image.image_id: image for image in database.read_all_images()}
+        cameras = {camera.camera_id: camera for camera in database.read_all_cameras()}
+        pair_ids, geometries = database.read_two_view_geometries()
+        keypoints = {
+            image_id: np.asarray(database.read_keypoints(image_id), np.float64)[:, :2]
+            for image_id in images
+        }
+    matched = {image_id: np.zeros(len(xy), bool) for image_id, xy in keypoints.items()}
+    usable: list[tuple[tuple[int, int], pycolmap.TwoViewGeometry]] = []
+    for pair_id, geometry in zip(pair_ids, geometries, strict=True):
+        ids = pycolmap.pair_id_to_image_pair(pair_id)
+        inliers = geometry.inlier_matches
+        matched[ids[0]][inliers[:, 0]] = True
+        matched[ids[1]][inliers[:, 1]] = True
+        if len(inliers) >= MIN_INLIERS:
+            usable.append((ids, geometry))
+    usable.sort(key=lambda item: item[0])
+    pairs: list[PairEvidence] = []
+    for ids, geometry in _even_selection(usable, MAX_REFITTED_PAIRS if refit else MAX_PAIRS):
+        views = [cameras[images[image_id].camera_id] for image_id in ids]
+        inliers = geometry.inlier_matches
+        points = [keypoints[ids[side]][inliers[:, side]] for side in (0, 1)]
+        pair = _measure(ids, points, views, None if refit else geometry)
+        if pair is not None:
+            pairs.append(pair)
+    return Evidence(
+        num_images=len(images),
+        pairs=tuple(pairs),
+        num_observations=int(sum(int(mask.sum()) for mask in matched.values())),
+        has_prior_focal_length=all(camera.has_prior_focal_length for camera in cameras.values()),
+    )
+
+
+def _measure(
+    ids: tuple[int, int],
+    points: Sequence[NDArray[np.float64]],
+    cameras: Sequence[pycolmap.Camera],
+    geometry: pycolmap.TwoViewGeometry | None,
+) -> PairEvidence | None:
+    """Return the pair's motion, taken from the record or fitted where the record has none."""
+    pose = None if geometry is None else geometry.cam2_from_cam1
+    homography_ratio = None if geometry is None else _homography_ratio(points, geometry)
+    if pose is None or homography_ratio is None:
+        fit = fit_pair(points[0], points[1], cameras[0], cameras[1], max_sample=_MAX_SAMPLE)
+        pose, homography_ratio = fit.cam1_from_cam0, fit.homography_ratio
+    if pose is None:
+        return None
+    rotation = np.asarray(pose.rotation.matrix(), np.float64)
+    direction = np.asarray(pose.translation, np.float64)
+    length = float(np.linalg.norm(direction))
+    rays0, rays1 = (_rays(xy, camera) for xy, camera in zip(points, cameras, strict=True))
+    cosine = np.einsum("ni,ni->n", rays0 @ rotation.T, rays1)
+    angles = np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1.0, 1.0)))
+    return PairEvidence(
+        image0=ids[0],
+        image1=ids[1],
+        num_inliers=len(points[0]),
+        rotation=rotation,
+        direction=direction / length if length > 0 else direction,
+        parallax=float(np.median(angles)) if len(angles) else 0.0,
+        displacement=float(np.median(np.linalg.norm(points[1] - points[0], axis=1))),
+        homography_ratio=homography_ratio,
+    )
+
+
+def _homography_ratio(
+    points: Sequence[NDArray[np.float64]], geometry: pycolmap.TwoViewGeometry
+) -> float | None:
+    if geometry.H is None:
+        return None
+    return float((homography_error(points[0], points[1], geometry.H) <= 16.0).mean())
+
+
+def _rays(xy: NDArray[np.float64], camera: pycolmap.Camera) -> NDArray[np.float64]:
+    normalized = np.asarray(camera.cam_from_img(xy), np.float64)
+    rays = np.hstack([normalized, np.ones((len(normalized), 1))])
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def _even_selection(items: Sequence[_Item], count: int) -> Sequence[_Item]:
+    if len(items) <= count:
+        return items
+    return [items[index] for index in np.linspace(0, len(items) - 1, count).astype(int)]
+
+
+def _by_strength(pair: PairEvidence) -> tuple[float, int, int]:
+    return -pair.strength, pair.image0, pair.image1

@@ -1,0 +1,316 @@
+"""COLMAP database to model: attempt, check, try again, deliver only what holds."""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import logging
+import math
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mvmatch.errors import DataError
+from mvmatch.sfm.checks import ModelCheck, check_model
+from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
+from mvmatch.sfm.options import (
+    MapperOptions,
+    adjustment_options,
+    global_options,
+    incremental_options,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator
+
+    import pycolmap
+
+_logger = logging.getLogger(__name__)
+
+MIN_DISPLACEMENT = 1.0
+"""px; a camera whose matches move less at every gap stands still."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """One run of a mapper."""
+
+    mapper: str
+    initial_images: tuple[int, int] | None
+    """Image ids mapping started from; None where the mapper chose."""
+    check: ModelCheck | None
+    """None when the mapper made no model."""
+    reasons: tuple[str, ...]
+    """Why the attempt was rejected; empty for the accepted one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReconstructionResult:
+    """The model, or the best that was rejected, and how it came about."""
+
+    reconstruction: pycolmap.Reconstruction | None
+    registered: int
+    total: int
+    """Images of the database."""
+    num_points: int
+    mean_reprojection_error: float
+    """px; NaN without a model."""
+    mean_track_length: float
+    accepted: bool
+    """Whether the model passed all checks; only then it is written."""
+    reasons: tuple[str, ...]
+    """Why there is no accepted model; empty when there is."""
+    attempts: tuple[Attempt, ...]
+    path: Path | None
+    """Folder of the written model (cameras, rigs, frames, images, points3D)."""
+
+
+def reconstruct(
+    database: Path, out: Path, *, options: MapperOptions | None = None
+) -> ReconstructionResult:
+    """Reconstruct a model from a COLMAP database; no image is read.
+
+    The mapper starts from the image pair with the strongest parallax. Its model is compared with
+    the relative motion that image pairs measure on their own; one that contradicts them is
+    rejected however many images it registered, and the mapper starts again elsewhere.
+
+    Parameters
+    ----------
+    database : Path
+        COLMAP database with two-view geometries; it is not changed.
+    out : Path
+        Folder for models; the accepted one is written to ``out/0``. Nothing is written without.
+    options : MapperOptions, optional
+        Mapper, intrinsics, acceptance.
+
+    Returns
+    -------
+    ReconstructionResult
+        ``accepted`` False with reasons when no model holds: that is a result, not an error.
+
+    Raises
+    ------
+    DataError
+        The file is not a COLMAP database, or ``out`` cannot be written.
+    FileNotFoundError
+        There is no such database.
+    """
+    options = options or MapperOptions()
+    _check_database(database)
+    evidence = read_evidence(database)
+    hopeless = _hopeless(evidence)
+    if hopeless is not None:
+        return _result(None, None, evidence, [], (hopeless,))
+    with tempfile.TemporaryDirectory(prefix="mvmatch-sfm-") as folder, _quiet():
+        run = _Run(database, Path(folder), options, evidence)
+        model, check = run.best()
+        if model is not None and check is not None and check.accepted:
+            result = _result(model, check, evidence, run.attempts, ())
+            return dataclasses.replace(result, accepted=True, path=_write(model, out))
+    reasons = check.reasons if check is not None else ("the mapper made no model",)
+    return _result(model, check, evidence, run.attempts, reasons)
+
+
+class _Run:
+    """The attempts on one database."""
+
+    def __init__(
+        self, database: Path, folder: Path, options: MapperOptions, evidence: Evidence
+    ) -> None:
+        self._folder = folder
+        self._options = options
+        self._evidence = evidence
+        self._refine = options.intrinsics == "refine" or (
+            options.intrinsics == "auto" and not evidence.has_prior_focal_length
+        )
+        # A copy: refined cameras are written into it between rounds.
+        self._database = folder / "database.db"
+        shutil.copyfile(database, self._database)
+        self.attempts: list[Attempt] = []
+
+    def best(self) -> tuple[pycolmap.Reconstruction | None, ModelCheck | None]:
+        """Return the first accepted model, else that with the fewest and mildest objections."""
+        best: tuple[pycolmap.Reconstruction, ModelCheck] | None = None
+        for mapper, initial in self._plan():
+            model = self._map(mapper, initial)
+            if model is not None and self._refine:
+                model = self._refined(model, mapper, initial)
+            check = self._checked(model)
+            reasons = ("the mapper made no model",) if check is None else check.reasons
+            images = None if initial is None else (initial.image0, initial.image1)
+            self.attempts.append(
+                Attempt(mapper=mapper, initial_images=images, check=check, reasons=reasons)
+            )
+            _logger.info("%s mapper from %s: %s", mapper, images, reasons or "accepted")
+            if model is None or check is None:
+                continue
+            if best is None or _rank(check) > _rank(best[1]):
+                best = model, check
+            if check.accepted:
+                break
+        return (None, None) if best is None else best
+
+    def _plan(self) -> Iterator[tuple[str, PairEvidence | None]]:
+        """Yield mapper and initial pair of each attempt, in order."""
+        first = self._options.mapper
+        mappers = [first, "global" if first == "incremental" else "incremental"]
+        for mapper in mappers if self._options.fallback else mappers[:1]:
+            if mapper == "global":
+                yield mapper, None
+            else:
+                for pair in self._evidence.strongest(self._options.max_attempts):
+                    yield mapper, pair
+
+    def _map(self, mapper: str, initial: PairEvidence | None) -> pycolmap.Reconstruction | None:
+        import pycolmap
+
+        out = self._folder / "models"
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir()
+        try:
+            if mapper == "global":
+                models = pycolmap.global_mapping(
+                    self._database, self._folder, out, global_options(self._options)
+                )
+            else:
+                models = pycolmap.incremental_mapping(
+                    self._database, self._folder, out, incremental_options(self._options, initial)
+                )
+        except (RuntimeError, ValueError) as error:
+            _logger.warning("the %s mapper failed: %s", mapper, error)
+            return None
+        usable = [model for model in models.values() if model.num_reg_images() > 1]
+        if not usable:
+            return None
+        model = max(usable, key=lambda each: each.num_reg_images())
+        return self._adjusted(model, refine_intrinsics=False)
+
+    def _adjusted(
+        self, model: pycolmap.Reconstruction, *, refine_intrinsics: bool
+    ) -> pycolmap.Reconstruction:
+        """Return the model after bundle adjustment with a robust loss."""
+        import pycolmap
+
+        if self._options.loss_scale <= 0 and not refine_intrinsics:
+            return model
+        pycolmap.bundle_adjustment(
+            model, adjustment_options(self._options, refine_intrinsics=refine_intrinsics)
+        )
+        model.update_point_3d_errors()
+        return model
+
+    def _refined(
+        self, model: pycolmap.Reconstruction, mapper: str, initial: PairEvidence | None
+    ) -> pycolmap.Reconstruction:
+        """Refine the camera on the whole model and map again with it, until it stays."""
+        for _ in range(self._options.max_refinements):
+            before = {key: camera.mean_focal_length() for key, camera in model.cameras.items()}
+            refined = self._adjusted(model, refine_intrinsics=True)
+            change = max(
+                abs(camera.mean_focal_length() / before[key] - 1.0)
+                for key, camera in refined.cameras.items()
+            )
+            if any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in refined.cameras.values()):
+                break
+            model = refined
+            if change < 0.01:
+                break
+            self._store_cameras(refined)
+            again = self._map(mapper, initial)
+            if again is None or again.num_reg_images() < model.num_reg_images():
+                break
+            model = again
+        return model
+
+    def _store_cameras(self, model: pycolmap.Reconstruction) -> None:
+        import pycolmap
+
+        with pycolmap.Database.open(self._database) as database:
+            for camera in model.cameras.values():
+                database.update_camera(camera)
+
+    def _checked(self, model: pycolmap.Reconstruction | None) -> ModelCheck | None:
+        if model is None:
+            return None
+        # The relative motion of pairs depends on the camera: a refined one needs new evidence.
+        evidence = read_evidence(self._database, refit=True) if self._refine else self._evidence
+        return check_model(model, evidence, self._options.acceptance)
+
+
+def _hopeless(evidence: Evidence) -> str | None:
+    """Say why no model can come of this database, if none can."""
+    if not evidence.pairs:
+        return "no image pair has enough verified matches"
+    if max(pair.displacement for pair in evidence.pairs) < MIN_DISPLACEMENT:
+        return (
+            "the camera does not move: half of the matches of every image pair stay within "
+            f"{MIN_DISPLACEMENT:g} px"
+        )
+    return None
+
+
+def _rank(check: ModelCheck) -> tuple[bool, float, int, float]:
+    agreement = 0.0 if math.isnan(check.agreement) else check.agreement
+    return check.accepted, agreement, check.registered, -check.mean_reprojection_error
+
+
+def _result(
+    model: pycolmap.Reconstruction | None,
+    check: ModelCheck | None,
+    evidence: Evidence,
+    attempts: list[Attempt],
+    reasons: tuple[str, ...],
+) -> ReconstructionResult:
+    return ReconstructionResult(
+        reconstruction=model,
+        registered=0 if check is None else check.registered,
+        total=evidence.num_images,
+        num_points=0 if check is None else check.num_points,
+        mean_reprojection_error=math.nan if check is None else check.mean_reprojection_error,
+        mean_track_length=0.0 if check is None else check.mean_track_length,
+        accepted=False,
+        reasons=reasons,
+        attempts=tuple(attempts),
+        path=None,
+    )
+
+
+def _write(model: pycolmap.Reconstruction, out: Path) -> Path:
+    """Write the model to ``out/0``, complete or not at all."""
+    path, partial = out / "0", out / ".0.partial"
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        model.write_binary(partial)
+        shutil.rmtree(path, ignore_errors=True)
+        partial.replace(path)
+    except OSError as error:
+        raise DataError(
+            f"cannot write the model {path}: {error.strerror}; choose another folder"
+        ) from error
+    return path
+
+
+def _check_database(path: Path) -> None:
+    with path.open("rb") as file:
+        magic = file.read(16)
+    if magic != b"SQLite format 3\0":
+        raise DataError(f"{path} is not a COLMAP database (not an SQLite file)")
+
+
+@contextlib.contextmanager
+def _quiet() -> Generator[None]:
+    """Keep COLMAP from writing to standard error: what matters comes back in the result."""
+    import pycolmap
+
+    level = pycolmap.logging.minloglevel
+    pycolmap.logging.minloglevel = 3
+    try:
+        yield
+    finally:
+        pycolmap.logging.minloglevel = level

@@ -1,0 +1,125 @@
+"""Options of mapping, and how they become COLMAP's."""
+
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from mvmatch.sfm.checks import AcceptanceOptions
+
+if TYPE_CHECKING:
+    import pycolmap
+
+    from mvmatch.sfm.evidence import PairEvidence
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapperOptions:
+    """How a database becomes a model."""
+
+    mapper: Literal["incremental", "global"] = "incremental"
+    """COLMAP's mapper to use first; the other one follows when no attempt is accepted."""
+    intrinsics: Literal["auto", "fixed", "refine"] = "auto"
+    """``fixed`` trusts the camera. ``refine`` maps with it fixed, refines it on the whole model,
+    and maps again: refining from the first pair on collapses such databases to two images.
+    ``auto`` refines what is only a prior."""
+    max_attempts: int = 4
+    """Attempts of the first mapper, each from another initial pair."""
+    max_refinements: int = 3
+    """Rounds of mapping and refining the camera, at most."""
+    loss_scale: float = 0.5
+    """px; scale of the Cauchy loss of the last bundle adjustment. Points carried over many frames
+    have heavy-tailed errors. 0 leaves it out."""
+    fallback: bool = True
+    """Try the other mapper when every attempt of the first was rejected."""
+    seed: int = 0
+    """Of every random choice; the mappers run on one thread so that results repeat."""
+    acceptance: AcceptanceOptions = field(default_factory=AcceptanceOptions)
+    """What a model must keep."""
+
+
+def incremental_options(
+    options: MapperOptions, initial: PairEvidence | None
+) -> pycolmap.IncrementalPipelineOptions:
+    """COLMAP's options for video: small baselines, forward motion, intrinsics fixed.
+
+    Parameters
+    ----------
+    options : MapperOptions
+        The seed is taken from it.
+    initial : PairEvidence or None
+        The pair to start from; None lets COLMAP choose.
+    """
+    import pycolmap
+
+    pipeline = pycolmap.IncrementalPipelineOptions()
+    pipeline.multiple_models = False
+    pipeline.extract_colors = False
+    pipeline.num_threads = 1
+    pipeline.random_seed = options.seed
+    pipeline.min_model_size = 2
+    pipeline.ba_refine_focal_length = False
+    pipeline.ba_refine_principal_point = False
+    pipeline.ba_refine_extra_params = False
+    mapper = pipeline.mapper
+    mapper.random_seed = options.seed
+    mapper.num_threads = 1
+    mapper.abs_pose_refine_focal_length = False
+    mapper.abs_pose_refine_extra_params = False
+    # Driving forward is the normal case of video, and 16 degrees between frames are not.
+    mapper.init_max_forward_motion = 1.0
+    mapper.init_min_tri_angle = 2.0
+    mapper.ba_global_ignore_redundant_points3D = True
+    mapper.ba_local_min_tri_angle = 2.0
+    pipeline.triangulation.random_seed = options.seed
+    if initial is not None:
+        pipeline.init_image_id1 = initial.image0
+        pipeline.init_image_id2 = initial.image1
+        # The pair was chosen as the best there is: its own angle is the bound.
+        mapper.init_min_tri_angle = min(2.0, 0.5 * initial.parallax)
+    return pipeline
+
+
+def global_options(options: MapperOptions) -> pycolmap.GlobalPipelineOptions:
+    """COLMAP's options of the global mapper, intrinsics fixed."""
+    import pycolmap
+
+    pipeline = pycolmap.GlobalPipelineOptions()
+    pipeline.multiple_models = False
+    pipeline.num_threads = 1
+    pipeline.random_seed = options.seed
+    mapper = pipeline.mapper
+    mapper.num_threads = 1
+    mapper.random_seed = options.seed
+    mapper.rotation_averaging.random_seed = options.seed
+    mapper.global_positioning.random_seed = options.seed
+    mapper.global_positioning.use_gpu = False
+    mapper.retriangulation.random_seed = options.seed
+    adjustment = mapper.bundle_adjustment
+    adjustment.refine_focal_length = False
+    adjustment.refine_extra_params = False
+    adjustment.refine_principal_point = False
+    adjustment.ceres.use_gpu = False
+    adjustment.ceres.solver_options.num_threads = 1
+    return pipeline
+
+
+def adjustment_options(
+    options: MapperOptions, *, refine_intrinsics: bool
+) -> pycolmap.BundleAdjustmentOptions:
+    """Bundle adjustment of a finished model with a robust loss."""
+    import pycolmap
+
+    adjustment = pycolmap.BundleAdjustmentOptions()
+    adjustment.print_summary = False
+    adjustment.refine_focal_length = refine_intrinsics
+    adjustment.refine_extra_params = refine_intrinsics
+    adjustment.refine_principal_point = False
+    adjustment.ceres.use_gpu = False
+    if options.loss_scale > 0:
+        adjustment.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+        adjustment.ceres.loss_function_scale = options.loss_scale
+    adjustment.ceres.solver_options.num_threads = 1
+    return adjustment
