@@ -116,6 +116,14 @@ CLIPS: dict[str, Clip] = {
         size=(264, 152),
         frames=7,
     ),
+    "aom_still_128": Clip(
+        "still",
+        "libaom",
+        f"{GOOD} -crf 55 -cpu-used 2 -lag-in-frames 0 -aom-params sb-size=128",
+        "blocks of 128 px",
+        size=(400, 264),
+        frames=4,
+    ),
     "aom_global": Clip(
         "spin",
         "libaom",
@@ -219,7 +227,7 @@ def scene_for(clip: Clip) -> SyntheticScene:
     if clip.scene == "still":
         scene = synthetic_drive(1, clip.size)
         poses = np.repeat(scene.cam_from_world, clip.frames, axis=0)
-        return dataclasses.replace(scene, cam_from_world=poses)
+        return dataclasses.replace(scene, cam_from_world=poses, noise=0.0)
     return spin(clip.frames, clip.size)
 
 
