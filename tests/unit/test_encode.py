@@ -204,3 +204,28 @@ def test_the_checker_warns_about_key_frames() -> None:
     assert cut.result().warnings() == ("tracks are cut at the key frames 8",)
     still = EncodingChecker(num_frames=3, key_frames=[0, 1, 2])
     assert "every frame is a key frame" in still.result().warnings()[0]
+
+
+def test_the_result_is_read_back_and_suits_matching(folder: Path, tmp_path: Path) -> None:
+    result = encode_video(folder, tmp_path / "clip.mp4")
+    assert result.check is not None
+    assert result.check.num_frames == 12
+    assert result.check.key_frames == (0,)
+    assert result.check.previous_share > 0.9
+    assert result.check.covered > 0.5
+    assert result.warnings == ()
+
+
+def test_a_result_the_parser_cannot_read_is_kept_with_a_warning(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mvmatch import _core
+    from mvmatch.errors import BitstreamError
+
+    def damaged() -> None:
+        raise BitstreamError("symbol padding is not zero", section="8.2.4")
+
+    monkeypatch.setattr(_core, "Av1Parser", damaged)
+    result = encode_video(folder, tmp_path / "clip.ivf")
+    assert result.path.exists()
+    assert result.warnings == ("the result could not be checked: symbol padding is not zero",)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mvmatch._core import CodedFrame
+
 MIN_PREVIOUS_SHARE = 0.9
 """Stock encoders reach 0.96 (libaom realtime) to 1.0 (SVT, flat) when set up for matching."""
 
@@ -68,7 +70,7 @@ class EncodingChecker:
     area_by_distance: dict[int, float] = field(default_factory=dict[int, float])
     inter_area: float = 0.0
 
-    def push(self, frame: Any) -> None:
+    def push(self, frame: CodedFrame) -> None:
         """Count one ``_core.CodedFrame``."""
         if frame.show_existing_frame:
             return
