@@ -1,9 +1,9 @@
 """Compare the parser with golden motion vectors: ``tools/conformance.py DIR``.
 
-``DIR`` holds a ``MANIFEST.json`` with a list ``streams`` and, for each stream, a golden ``.npz`` in the
-layout of the project's corpus (arrays per record, per reference and per 4x4 cell). The table says for
-every stream whether all compared arrays are equal; arrays of a golden that are not compared are named
-once at the end. The exit code is 1 when any stream differs or cannot be read.
+``DIR`` holds a ``MANIFEST.json`` with a list ``streams`` and, for each stream, a golden ``.npz``
+in the layout of the project's corpus (arrays per record, per reference and per 4x4 cell). The
+table says for every stream whether all compared arrays are equal; arrays of a golden that are not
+compared are named once at the end. The exit code is 1 when any stream differs or cannot be read.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mvmatch._core import CodedFrame
 
-# libaom's numbers of the compound types, by the specification's (wedge, diffwtd, average, intra, distance).
+# libaom's numbers of the specification's types wedge, diffwtd, average, intra and distance.
 LIBAOM_COMPOUND_TYPE = np.array([2, 3, 0, -1, 1], np.int8)
 # NEARMV, NEAR_NEARMV, NEAR_NEWMV, NEW_NEARMV.
 NEAR_MODES = (14, 18, 21, 22)
@@ -74,7 +74,7 @@ REFERENCE_FIELDS = {
 
 
 def block_columns(frame: CodedFrame) -> dict[str, np.ndarray]:
-    """Columns of a frame's blocks under a golden's names; intra blocks hold a golden's neutral values."""
+    """Columns of a frame's blocks under a golden's names and with its neutral values."""
     b = frame.blocks()
     inter, compound = b["is_inter"].astype(bool), b["ref_frame"][:, 1] > 0
     interintra = inter & (b["ref_frame"][:, 1] == 0)
