@@ -132,7 +132,7 @@ def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def _compare(scene: SyntheticScene, run: Run) -> TrajectoryError | None:
-    model = run.model.reconstruction
+    model: Any = run.model.reconstruction
     if model is None:
         return None
     centers: dict[int, NDArray[np.float64]] = {}

@@ -49,7 +49,7 @@ def facts() -> dict[str, Any]:
             "versions": {"python": "3.11", "numpy": "2.3"},
         },
         "input": {
-            "path": "drive/<clip> & more.mp4",
+            "path": "/data/drive/<clip> & more",
             "kind": "frames",
             "width": 1241,
             "height": 376,
@@ -180,7 +180,7 @@ def test_a_number_that_does_not_exist_becomes_null(tmp_path: Path) -> None:
 def test_the_page_has_a_section_for_every_question_and_asks_nobody(tmp_path: Path) -> None:
     page = outline(write_report(tmp_path, facts()))
     assert page.headings == [
-        "<clip> & more.mp4",
+        "drive/<clip> & more",
         "Warnings",
         "Accuracy against the truth",
         "Input and camera",

@@ -13,7 +13,7 @@ from mvmatch.report.style import CSS
 
 def page(facts: Facts) -> str:
     """Return the whole HTML document for the facts of a run (plain JSON values)."""
-    title = PurePath(str(_get(facts, "input", "path") or "run")).name or "run"
+    title = _title(facts)
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="soft">{escape(_subtitle(facts))}</p>',
@@ -37,6 +37,13 @@ def page(facts: Facts) -> str:
         f"<title>{escape(title)} - mvmatch report</title><style>{CSS}</style></head>\n"
         f"<body><main>\n{chr(10).join(part for part in body if part)}\n</main></body></html>\n"
     )
+
+
+def _title(facts: Facts) -> str:
+    """Return the name of the input; a folder of frames keeps the name of the folder around it."""
+    path = PurePath(str(_get(facts, "input", "path") or "run"))
+    keep = 2 if _get(facts, "input", "kind") == "frames" else 1
+    return "/".join(part for part in path.parts[-keep:] if part != path.anchor) or "run"
 
 
 def _subtitle(facts: Facts) -> str:

@@ -69,13 +69,14 @@ def _bilinear(
 @cache
 def texture(kind: str, seed: int) -> MipMap:
     """Make a texture: ``noise`` (asphalt, plaster), ``bricks`` or ``windows``."""
-    noise = _cloud_noise(np.random.default_rng(seed), exponent=1.1)
+    rng = np.random.default_rng(seed)
+    noise = np.roll(_cloud_noise(seed % 3), rng.integers(SIZE, size=2), axis=(0, 1))
     if kind == "noise":
         grey = 1 + 0.24 * noise
     elif kind == "bricks":
-        grey = (1 + 0.18 * noise) * _bricks(np.random.default_rng(seed + 1))
+        grey = (1 + 0.18 * noise) * _bricks(rng)
     elif kind == "windows":
-        grey = (1 + 0.16 * noise) * _windows(np.random.default_rng(seed + 1))
+        grey = (1 + 0.16 * noise) * _windows(rng)
     else:
         raise ValueError(f"there is no texture named {kind!r}")
     levels = [np.clip(grey, 0.0, 2.0).astype(np.float32)]
@@ -86,13 +87,15 @@ def texture(kind: str, seed: int) -> MipMap:
     return MipMap(levels=tuple(levels))
 
 
-def _cloud_noise(rng: np.random.Generator, *, exponent: float) -> NDArray[np.float64]:
-    """Periodic noise of unit variance whose amplitude falls with frequency."""
+@cache
+def _cloud_noise(seed: int) -> NDArray[np.float64]:
+    """Make periodic noise of unit variance whose amplitude falls with frequency."""
+    rng = np.random.default_rng(seed)
     frequency = np.hypot(
         np.fft.fftfreq(SIZE)[:, None] * SIZE, np.fft.rfftfreq(SIZE)[None, :] * SIZE
     )
     frequency[0, 0] = 1.0
-    amplitude = frequency**-exponent
+    amplitude = frequency**-1.1
     amplitude[frequency < 4] = 0.0  # large patches repeat visibly
     spectrum = np.fft.rfft2(rng.standard_normal((SIZE, SIZE))) * amplitude
     noise = np.fft.irfft2(spectrum, s=(SIZE, SIZE))
