@@ -117,7 +117,8 @@ def describe_camera(choice: CameraChoice, model: ReconstructionResult) -> dict[s
     """Return the key ``camera`` of the report."""
     final = None
     if model.reconstruction is not None and model.reconstruction.cameras:
-        camera = next(iter(model.reconstruction.cameras.values()))
+        cameras: Any = model.reconstruction.cameras
+        camera = next(iter(cameras.values()))
         final = [float(value) for value in camera.params]
     return {
         "source": choice.source,
@@ -139,21 +140,8 @@ def describe_model(model: ReconstructionResult, options: MapperOptions) -> dict[
         "num_points": model.num_points,
         "mean_reprojection_error": model.mean_reprojection_error,
         "mean_track_length": model.mean_track_length,
-        "attempts": [plain(attempt) for attempt in model.attempts],
+        "attempts": [dataclasses.asdict(attempt) for attempt in model.attempts],
     }
-
-
-def plain(value: Any) -> Any:
-    """Return options and results as values that JSON knows."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    if isinstance(value, Path):
-        return str(value)
-    return value
 
 
 def _remove(path: Path) -> None:

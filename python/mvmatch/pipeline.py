@@ -214,7 +214,11 @@ def reconstruct_video(
         run.data.update(_report_data(run, source, options, clock))
         _write_report(staging, run.data)
         outputs.publish(staging, out)
-    return run
+    return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
+
+
+def _moved(run: Run, path: Path) -> Run:
+    return dataclasses.replace(run, model=dataclasses.replace(run.model, path=path))
 
 
 def open_source(path: Path) -> MotionSource:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-pytest.importorskip("mvmatch.sfm")
-
 from mvmatch.cli import main
 from mvmatch.pipeline import match_video
 from mvmatch.store import read_tracks

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-pytest.importorskip("mvmatch.sfm")
-
 from mvmatch.cli import main
 from mvmatch.pipeline import match_video
 from mvmatch.sources import open_video

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-pytest.importorskip("mvmatch.sfm")
-
 from mvmatch.cli import main
 from mvmatch.cli.console import split_advice
 from mvmatch.errors import BitstreamError, DataError

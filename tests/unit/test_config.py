@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-pytest.importorskip("mvmatch.sfm")
-
 from mvmatch.config import RunOptions, from_mapping, load_options, to_toml
 from mvmatch.errors import DataError
 from mvmatch.tracks import TrackOptions

@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import pytest
-
 HEAVY = ("av", "pycolmap", "pyarrow", "matplotlib", "cyclopts", "rich", "cv2", "h5py", "scipy")
 
 
@@ -17,7 +15,6 @@ def test_importing_mvmatch_brings_numpy_alone() -> None:
 
 
 def test_every_public_name_can_be_reached() -> None:
-    pytest.importorskip("mvmatch.sfm")
     import mvmatch
 
     for name in mvmatch.__all__:

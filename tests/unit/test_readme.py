@@ -6,12 +6,10 @@ import re
 import shutil
 from typing import TYPE_CHECKING
 
-import pytest
-
-pytest.importorskip("mvmatch.sfm")
-
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import pytest
 
 
 def python_blocks(readme: str) -> list[str]:

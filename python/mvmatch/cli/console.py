@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mvmatch.errors import BitstreamError, LimitError, MissingExtraError, UnsupportedError
+from mvmatch.report.plain import plain
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,7 +59,7 @@ def show(outcome: Outcome, *, verb: str, as_json: bool) -> None:
             "error": None if outcome.failure is None else describe(outcome.failure),
             **outcome.data,
         }
-        print(json.dumps(document, allow_nan=False, default=str))
+        print(json.dumps(plain(document), allow_nan=False))
     else:
         _show_text(outcome)
     if outcome.failure is not None:

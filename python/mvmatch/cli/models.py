@@ -110,7 +110,7 @@ def score(database: ExistingFile, /, *, json: Json = False) -> Outcome:
         table=_gap_table(scores),
         figures={"pairs": f"{len(scores)}, {sum(s.model is not None for s in scores)} fitted"},
         next=f"mvmatch reconstruct {database} sfm",
-        data={"scores": [_finite(dataclasses.asdict(score)) for score in scores]},
+        data={"scores": scores},
     )
 
 
@@ -143,9 +143,9 @@ def reconstruct(
     if not model.accepted:
         failure = DataError(f"no model holds: {'; '.join(model.reasons)}. {MODEL_ADVICE}")
     return Outcome(
-        made=[out] if model.accepted else [],
+        made=[model.path] if model.path is not None else [],
         figures=model_figures(model),
-        next=f"colmap gui --database_path {database} --import_path {out}",
+        next=look_at(model.path, database, Path()) if model.path is not None else None,
         data={"model": {k: v for k, v in vars_of(model).items() if k != "reconstruction"}},
         failure=failure,
     )
@@ -154,6 +154,11 @@ def reconstruct(
 def vars_of(value: Any) -> dict[str, Any]:
     """Return the fields of a dataclass without descending into them."""
     return {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+
+
+def look_at(model: Path, database: Path, images: Path) -> str:
+    """Return the command that shows a model."""
+    return f"colmap gui --import_path {model} --database_path {database} --image_path {images}"
 
 
 def with_mapper(options: RunOptions, mapper: Literal["incremental", "global"] | None) -> RunOptions:
@@ -191,8 +196,3 @@ def _gap_table(scores: list[TwoViewScore]) -> str | None:
         sampson = f"{np.median(fitted):.3f}" if fitted else "-"
         lines.append(f"{gap:>8}  {len(group):>5}  {matches:>7.0f}  {inliers:>7.3f}  {sampson:>10}")
     return "\n".join(lines)
-
-
-def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN: what could not be measured is null."""
-    return {key: None if value != value else value for key, value in values.items()}  # noqa: PLR0124

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome, Ticker
-from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, model_figures, with_mapper
+from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, look_at, model_figures, with_mapper
 from mvmatch.cli.settings import ExistingPath, Json, Output, Settings, UsageError, with_encoder
 from mvmatch.encode import EncoderName
 
@@ -68,7 +68,6 @@ def run_outcome(made: Run) -> Outcome:
     from mvmatch.errors import DataError
 
     failure: Exception | None = made.match.damage
-    model = made.out / outputs.MODEL / "0"
     if not made.model.accepted:
         reasons = "; ".join(made.model.reasons)
         failure = DataError(f"no model holds: {reasons}. {MODEL_ADVICE}")
@@ -76,13 +75,13 @@ def run_outcome(made: Run) -> Outcome:
     cost = ", ".join(f"{stage['name']} {stage['wall_s']:.1f} s" for stage in stages)
     cpu = sum(stage["cpu_s"] for stage in stages)
     warnings: list[str] = made.data["warnings"]
-    if made.match.damage is not None:
+    if failure is made.match.damage is not None:
         warnings = [text for text in warnings if not text.startswith("The stream broke off")]
     return Outcome(
         made=[
             made.out / name
             for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.PAGE)
-            if (made.out / name).exists()
+            if name != f"{outputs.MODEL}/0" or made.model.path is not None
         ],
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
@@ -93,15 +92,21 @@ def run_outcome(made: Run) -> Outcome:
             "cost": f"{cost}; {cpu:.1f} CPU s",
         },
         next=(
-            f"colmap gui --import_path {model} --database_path {made.out / outputs.DATABASE}"
-            if made.model.accepted
-            else f"open {made.out / outputs.PAGE}"
+            f"open {made.out / outputs.PAGE}"
+            if made.model.path is None
+            else look_at(made.model.path, made.out / outputs.DATABASE, _images(made))
         ),
         data={key: value for key, value in made.data.items() if not key.startswith("adjacency")},
         warnings=warnings,
         failure=failure,
         partial=_partial(made),
     )
+
+
+def _images(made: Run) -> Path:
+    """Return where the pictures are, as far as they are files."""
+    facts: dict[str, Any] = made.data["input"]
+    return Path(facts["path"]) if facts["kind"] == "frames" else made.out
 
 
 def _partial(made: Run) -> str | None:
