@@ -120,9 +120,9 @@ def build_tracks(fields: Iterable[MotionField], *, options: TrackOptions | None 
     Parameters
     ----------
     fields : iterable of MotionField
-        In decode order, frames without vectors included. Read once; per row 20 bytes are kept
-        until the end (36 with ``carry`` other than ``"translate"``), because the chain starts
-        there: some 5 MB per 100 frames of 2500 blocks.
+        In decode order, frames without vectors included. Read once; per row 24 bytes are kept
+        until the end (40 with ``carry`` other than ``"translate"``), because the chain starts
+        there: some 6 MB per 100 frames of 2500 blocks. No window bounds it.
     options : TrackOptions, optional
         Rules; by default the preset ``default``.
 

@@ -178,7 +178,7 @@ impl Chain {
     }
 
     fn step(&mut self, layer: &Layer, row: usize, head: &Head) {
-        let middle = center(layer.blocks[row]);
+        let middle = center(layer.block(row));
         let moved = layer
             .motion(row)
             .at([head.xy[0] - middle[0], head.xy[1] - middle[1]]);

@@ -126,7 +126,7 @@ impl Landing {
             rows: Vec::new(),
         };
         let mut entries: Vec<(u32, u32)> = Vec::new();
-        for (row, index) in (0..layer.blocks.len()).zip(0_u32..) {
+        for (row, index) in (0..layer.len()).zip(0_u32..) {
             if layer.references[row] == reference {
                 landing.bins_of(layer, row, |bin| entries.push((bin, index)));
             }
@@ -149,7 +149,7 @@ impl Landing {
         reason = "vectors are at most 2^16 px long"
     )]
     fn bins_of(&self, layer: &Layer, row: usize, mut visit: impl FnMut(u32)) {
-        let [x, y, w, h] = layer.blocks[row];
+        let [x, y, w, h] = layer.block(row);
         let mut low = [i32::MAX; 2];
         let mut high = [i32::MIN; 2];
         let (half_width, half_height) = (f64::from(w) / 2.0, f64::from(h) / 2.0);
@@ -185,7 +185,7 @@ impl Landing {
         let rows = &self.rows[self.starts[bin] as usize..self.starts[bin + 1] as usize];
         let mut best: Option<(f32, [f32; 2])> = None;
         for &row in rows {
-            let block = layer.blocks[row as usize];
+            let block = layer.block(row as usize);
             let middle = center(block);
             let arrived = [xy[0] - middle[0], xy[1] - middle[1]];
             let Some(offset) = layer.motion(row as usize).origin_of(arrived) else {

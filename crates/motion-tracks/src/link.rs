@@ -34,13 +34,15 @@ pub struct LinkOptions {
     pub min_length: u32,
 }
 
-/// The usable rows of one frame, compact: 20 bytes per row, 36 if points are carried off-centre.
+/// The usable rows of one frame, compact: 20 bytes per row, 4 more with a filter and 16 more if points
+/// are carried off-centre.
 pub(crate) struct Layer {
     pub(crate) frame: i32,
     pub(crate) width: u32,
     pub(crate) height: u32,
-    pub(crate) blocks: Vec<[i32; 4]>,
-    pub(crate) vectors: Vec<[f32; 2]>,
+    /// `[x, y, w, h]`: a valid field has no coordinate beyond 16 bits.
+    packed_blocks: Vec<[u16; 4]>,
+    vectors: Vec<[f32; 2]>,
     pub(crate) references: Vec<i32>,
     /// Slopes of the motion; empty when points are translated.
     slopes: Vec<[f32; 4]>,
@@ -49,6 +51,16 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
+    /// Number of rows.
+    pub(crate) fn len(&self) -> usize {
+        self.packed_blocks.len()
+    }
+
+    /// Block of a row, px.
+    pub(crate) fn block(&self, row: usize) -> [i32; 4] {
+        self.packed_blocks[row].map(i32::from)
+    }
+
     pub(crate) fn motion(&self, row: usize) -> Motion {
         let linear = self.slopes.get(row).copied().unwrap_or_default();
         Motion {
@@ -99,7 +111,7 @@ impl Linker {
             frame: field.frame,
             width: field.width,
             height: field.height,
-            blocks: Vec::new(),
+            packed_blocks: Vec::new(),
             vectors: Vec::new(),
             references: Vec::new(),
             slopes: Vec::new(),
@@ -115,7 +127,8 @@ impl Linker {
                 continue;
             }
             let motion = Motion::new(options.carry, vector, fit, field.warps.get(row));
-            layer.blocks.push(field.blocks[row]);
+            let packed = field.blocks[row].map(|side| u16::try_from(side).expect("validated"));
+            layer.packed_blocks.push(packed);
             layer.vectors.push(motion.vector);
             layer.references.push(field.references[row]);
             if options.carry != Carry::Translate {
@@ -135,7 +148,8 @@ impl Linker {
             let again = self.layers[..index]
                 .iter()
                 .any(|earlier| earlier.frame == layer.frame);
-            let cover = Cover::new(layer.width, layer.height, &layer.blocks);
+            let blocks: Vec<[i32; 4]> = (0..layer.len()).map(|row| layer.block(row)).collect();
+            let cover = Cover::new(layer.width, layer.height, &blocks);
             chain.visit(layer, &cover, &seeds(layer, &cover), again);
         }
         let (width, height) = self.layers.iter().fold((1, 1), |size, layer| {
@@ -155,11 +169,11 @@ impl Linker {
 
 /// Block centres inside the picture that may start a track, the best confirmed first.
 fn seeds(layer: &Layer, cover: &Cover) -> Vec<[f32; 2]> {
-    let mut rows: Vec<usize> = (0..layer.blocks.len())
-        .filter(|&row| cover.is_first(&layer.blocks[row], row))
+    let mut rows: Vec<usize> = (0..layer.len())
+        .filter(|&row| cover.is_first(&layer.block(row), row))
         .collect();
     if !layer.residuals.is_empty() {
         rows.sort_by(|&a, &b| layer.residuals[a].total_cmp(&layer.residuals[b]));
     }
-    rows.iter().map(|&row| center(layer.blocks[row])).collect()
+    rows.iter().map(|&row| center(layer.block(row))).collect()
 }
