@@ -126,7 +126,8 @@ def test_a_damaged_stream_still_gives_a_run_that_says_so(data: Path, tmp_path: P
     whole = (data / "drive.ivf").read_bytes()
     clip, out = tmp_path / "clip.ivf", tmp_path / "out"
     clip.write_bytes(whole[: int(len(whole) * 0.7)])
-    assert main(["run", str(clip), "-o", str(out)]) == 1
+    camera = "PINHOLE,260.48,260.48,176,100"
+    assert main(["run", str(clip), "-o", str(out), "--camera", camera]) == 1
     report = json.loads((out / "report.json").read_text())
     assert report["damage"]["frames_read"] == report["input"]["num_frames"]
     assert report["damage"]["message"]

@@ -198,9 +198,13 @@ class _Run:
 
         if self._options.loss_scale <= 0 and not refine_intrinsics:
             return model
-        pycolmap.bundle_adjustment(
-            model, adjustment_options(self._options, refine_intrinsics=refine_intrinsics)
-        )
+        # Not pycolmap.bundle_adjustment: it writes to standard error and turns all logging on.
+        config = pycolmap.BundleAdjustmentConfig()
+        for image_id in model.reg_image_ids():
+            config.add_image(image_id)
+        config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+        adjustment = adjustment_options(self._options, refine_intrinsics=refine_intrinsics)
+        pycolmap.create_default_bundle_adjuster(adjustment, config, model).solve()
         model.update_point_3d_errors()
         return model
 
