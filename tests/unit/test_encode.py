@@ -229,3 +229,11 @@ def test_a_result_the_parser_cannot_read_is_kept_with_a_warning(
     result = encode_video(folder, tmp_path / "clip.ivf")
     assert result.path.exists()
     assert result.warnings == ("the result could not be checked: symbol padding is not zero",)
+
+
+def test_the_result_says_with_which_settings_it_was_made(folder: Path, tmp_path: Path) -> None:
+    options = EncodeOptions(check=False, quality=41, speed=11)
+    result = encode_video(folder, tmp_path / "clip.ivf", options=options)
+    assert "preset=11 crf=41" in result.settings
+    assert "pred-struct=1:rtc=1:hierarchical-levels=0" in result.settings
+    assert result.num_bytes < encode_video(folder, tmp_path / "fine.ivf").num_bytes
