@@ -3,18 +3,26 @@
 use std::sync::Arc;
 
 use crate::entropy::cdf_set::CdfSet;
-use crate::mvpred::projection::{ProjectedMotion, ProjectionSource};
+use crate::mvpred::projection::{LostMotion, ProjectedMotion, ProjectionSource};
 use crate::mvpred::storage::{SavedMotionBands, SavedMotionBuilder};
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
 use crate::refs::{ReferenceSlot, ReferenceSlots};
 use crate::tile::{FrameContext, TileOutput};
 
-/// §7.20: what tile data leaves in a reference slot.
+/// The frame in a reference slot.
 #[derive(Debug)]
 pub(crate) struct FrameState {
     pub(crate) decode_index: u64,
     pub(crate) display_index: i64,
+    /// Absent when the tiles could not be read. Vectors may still point to such a frame; only what
+    /// follows from its tiles is lost.
+    pub(crate) content: Option<FrameContent>,
+}
+
+/// §7.20: what tile data leaves in a reference slot.
+#[derive(Debug)]
+pub(crate) struct FrameContent {
     /// Probabilities that a frame with this primary reference starts from; counters are 0.
     pub(crate) cdfs: Arc<CdfSet>,
     /// `SavedSegmentIds`; zeros when absent.
@@ -28,13 +36,16 @@ pub(crate) type FrameStates = [Option<Arc<FrameState>>; 8];
 
 impl FrameContext {
     /// What the tiles of a frame start from; `primary` is the state of the primary reference frame.
+    ///
+    /// # Errors
+    /// [`LostMotion`] when vectors of a damaged frame would have to be projected.
     pub(crate) fn new(
         sequence: &Arc<SequenceHeader>,
         header: &Arc<FrameHeader>,
         slots: &ReferenceSlots,
         states: &FrameStates,
-        primary: Option<&FrameState>,
-    ) -> Self {
+        primary: Option<&FrameContent>,
+    ) -> Result<Self, LostMotion> {
         let slot = |name: i8| &slots[header.ref_frame_idx[name as usize - 1].into()];
         let names = 1..=7_i8;
         let (mut is_scaled, mut ref_is_past, mut ref_distance) = ([false; 8], [false; 8], [0; 8]);
@@ -49,17 +60,20 @@ impl FrameContext {
         let source = |name: i8| {
             let index = usize::from(header.ref_frame_idx[name as usize - 1]);
             let slot = &slots[index];
-            Some(ProjectionSource {
+            ProjectionSource {
                 frame_type: slot.frame_type,
                 mi_rows: slot.mi_rows,
                 mi_cols: slot.mi_cols,
                 order_hints: &slot.saved_order_hints,
-                motion: states[index].as_ref()?.motion.as_ref()?,
-            })
+                motion: states[index]
+                    .as_ref()
+                    .and_then(|state| state.content.as_ref()?.motion.as_ref()),
+            }
         };
         let projected_motion = header
             .use_ref_frame_mvs
-            .then(|| ProjectedMotion::estimate(sequence, header, source));
+            .then(|| ProjectedMotion::estimate(sequence, header, source))
+            .transpose()?;
         let prev_segment_ids = primary
             .filter(|_| header.segmentation.enabled)
             .filter(|_| {
@@ -69,7 +83,7 @@ impl FrameContext {
                 })
             })
             .and_then(|state| state.segment_ids.clone());
-        Self {
+        Ok(Self {
             sequence: sequence.clone(),
             header: header.clone(),
             prev_segment_ids,
@@ -78,7 +92,7 @@ impl FrameContext {
             ref_distance,
             ref_is_past,
             codes_tx_type: std::array::from_fn(|segment| header.qindex(segment as u8, None) > 0),
-        }
+        })
     }
 
     /// §7.4, §7.19: the segmentation map that the frame leaves behind.

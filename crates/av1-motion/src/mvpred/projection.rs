@@ -43,8 +43,13 @@ pub(crate) struct ProjectionSource<'a> {
     pub(crate) mi_cols: u32,
     /// `SavedOrderHints`.
     pub(crate) order_hints: &'a [u32; 8],
-    pub(crate) motion: &'a SavedMotionBands,
+    /// Absent when the tiles of the frame were lost.
+    pub(crate) motion: Option<&'a SavedMotionBands>,
 }
+
+/// Vectors that have to be projected were lost with the tiles of their frame.
+#[derive(Debug)]
+pub(crate) struct LostMotion;
 
 impl ProjectedMotion {
     /// The vector of a cell, unless it is a hole.
@@ -55,11 +60,14 @@ impl ProjectedMotion {
     }
 
     /// §7.9.1 `motion_field_estimation`; `source` gives the frame behind a reference name.
+    ///
+    /// # Errors
+    /// [`LostMotion`] when a source that must be projected was lost.
     pub(crate) fn estimate<'a>(
         sequence: &SequenceHeader,
         header: &FrameHeader,
-        source: impl Fn(i8) -> Option<ProjectionSource<'a>>,
-    ) -> Self {
+        source: impl Fn(i8) -> ProjectionSource<'a>,
+    ) -> Result<Self, LostMotion> {
         let (rows, cols) = (
             header.size.mi_rows as usize >> 1,
             header.size.mi_cols as usize >> 1,
@@ -71,28 +79,25 @@ impl ProjectedMotion {
         let hints = &header.order_hints;
         let is_future =
             |name: i8| sequence.relative_dist(hints[name as usize], header.order_hint) > 0;
-        let mut project = |name: i8, sign: i32| {
-            source(name)
-                .is_some_and(|source| field.project_source(sequence, header, &source, name, sign))
-        };
-        let last_alt_hint =
-            source(LAST_FRAME).map(|source| source.order_hints[ALTREF_FRAME as usize]);
-        if last_alt_hint != Some(hints[GOLDEN_FRAME as usize]) {
-            project(LAST_FRAME, -1);
+        let mut project =
+            |name: i8, sign: i32| field.project_source(sequence, header, &source(name), name, sign);
+        let last_alt_hint = source(LAST_FRAME).order_hints[ALTREF_FRAME as usize];
+        if last_alt_hint != hints[GOLDEN_FRAME as usize] {
+            project(LAST_FRAME, -1)?;
         }
         let mut stamp = MFMV_STACK_SIZE as i32 - 2;
         for name in [BWDREF_FRAME, ALTREF2_FRAME] {
-            if is_future(name) && project(name, 1) {
+            if is_future(name) && project(name, 1)? {
                 stamp -= 1;
             }
         }
-        if is_future(ALTREF_FRAME) && stamp >= 0 && project(ALTREF_FRAME, 1) {
+        if is_future(ALTREF_FRAME) && stamp >= 0 && project(ALTREF_FRAME, 1)? {
             stamp -= 1;
         }
         if stamp >= 0 {
-            project(LAST2_FRAME, -1);
+            project(LAST2_FRAME, -1)?;
         }
-        field
+        Ok(field)
     }
 
     /// §7.9.2 Projection process; false when the source cannot be used.
@@ -103,25 +108,26 @@ impl ProjectedMotion {
         source: &ProjectionSource,
         name: i8,
         sign: i32,
-    ) -> bool {
+    ) -> Result<bool, LostMotion> {
         let size = &header.size;
         if source.mi_rows != size.mi_rows
             || source.mi_cols != size.mi_cols
             || matches!(source.frame_type, FrameType::Key | FrameType::IntraOnly)
         {
-            return false;
+            return Ok(false);
         }
+        let motion = source.motion.ok_or(LostMotion)?;
         let hint = header.order_hints[name as usize];
         let to_current = sequence.relative_dist(hint, header.order_hint);
         let distances = source
             .order_hints
             .map(|saved| sequence.relative_dist(hint, saved));
         if to_current.abs() > MAX_FRAME_DISTANCE {
-            return true;
+            return Ok(true);
         }
         let (rows, cols) = (size.mi_rows as usize >> 1, size.mi_cols as usize >> 1);
         for y8 in 0..rows {
-            for (x8, saved) in source.motion.row(y8).iter().enumerate() {
+            for (x8, saved) in motion.row(y8).iter().enumerate() {
                 let distance = distances[saved.ref_frame as usize];
                 if saved.ref_frame == 0 || !(1..=MAX_FRAME_DISTANCE).contains(&distance) {
                     continue;
@@ -137,7 +143,7 @@ impl ProjectedMotion {
                 }
             }
         }
-        true
+        Ok(true)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::motion::MotionVector;
 use crate::tables::block_size::{NUM_4X4_BLOCKS_HIGH, NUM_4X4_BLOCKS_WIDE};
 
 /// What is kept of a coded block, for its neighbours and for the caller.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "syntax elements, one to one")]
 pub struct Block {
     pub mi_row: u32,
