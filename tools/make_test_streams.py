@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 60_000
 FLAT = "pred-struct=1:rtc=1:hierarchical-levels=0"
+BOOST = "enable-variance-boost=1:variance-boost-strength=3"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +49,8 @@ GOOD = "-usage good -b:v 0 -crf 40 -g 9999 -row-mt 0 -threads 1"
 REALTIME = "-usage realtime -lag-in-frames 0 -b:v 0 -crf 40 -g 9999 -row-mt 0 -threads 1"
 
 CLIPS: dict[str, Clip] = {
-    "svt_flat_p8": Clip("drive", "svt", f"preset=8 crf=35 {FLAT}", "the default encoding"),
+    "svt_flat_p8": Clip("drive", "svt", f"preset=8 crf=35 {FLAT}", "flat low delay"),
+    "svt_default": Clip("drive", "svt", f"preset=8 crf=35 {FLAT}:{BOOST}", "the default encoding"),
     "drive": Clip(
         "drive",
         "svt",
