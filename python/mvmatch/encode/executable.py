@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import subprocess
 import tempfile
@@ -197,16 +198,19 @@ def encode_to_ivf(
                 times.append(frame.pts or 0)
                 if progress is not None:
                     progress(len(times), frames.num_frames)
-            process.stdin.close()
         except BrokenPipeError:
             pass  # ffmpeg ended early; its error output below says why
         except BaseException:
             process.kill()
-            process.wait()
             raise
-        code = process.wait()
+        finally:
+            # What is still buffered cannot be written to a process that has ended.
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+            process.wait()
         stderr.seek(0)
         reason = first_reason(stderr.read().decode(errors="replace"))
+    code = process.returncode
     if code != 0:
         raise UnsupportedError(
             f"encoder {name} ({executable}) failed: {reason or f'exit code {code}'}. "
