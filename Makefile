@@ -54,9 +54,19 @@ lint: setup
 	$(BIN)/lint-imports --no-cache
 	cd $(VENV) && bin/python -m mypy.stubtest mvmatch._core --ignore-disjoint-bases
 
+# Real footage where it is at hand (SHARED), else what the demo renders.
+SHARED ?= $(or $(MVMATCH_SHARED),../shared)
+KITTI := $(SHARED)/sequences/kitti-b
+BENCH_FRAMES ?= $(if $(wildcard $(KITTI)/images),$(KITTI)/images,demo/images)
+BENCH_STREAM ?= $(if $(wildcard $(KITTI)/images),$(SHARED)/sequences/streams/kitti-b.svt-flat-p8.ivf,demo/encoded.ivf)
+BENCH_CAMERA ?= $(if $(wildcard $(KITTI)/images),--camera $(KITTI)/calib.txt)
+
 bench: setup
-	cargo bench --workspace --exclude mvmatch-python
-	@test ! -f tools/compare_front_ends.py || $(BIN)/python tools/compare_front_ends.py --help
+	test -d $(BENCH_FRAMES) || $(BIN)/mvmatch demo demo
+	cargo build --release -p av1-motion --example count_vectors
+	@if command -v dav1d >/dev/null; then $(BIN)/python tools/compare_parsers.py $(BENCH_STREAM); \
+	else echo "dav1d is not installed: the parser is not compared with it"; fi
+	$(BIN)/python tools/compare_front_ends.py $(BENCH_FRAMES) --stream $(BENCH_STREAM) $(BENCH_CAMERA)
 
 fmt: setup
 	cargo fmt --all

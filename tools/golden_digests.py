@@ -1,8 +1,8 @@
 """Condense golden motion vectors to digests: ``golden_digests.py STREAMS GOLDENS > expected.txt``.
 
 ``STREAMS`` is a folder of IVF files, ``GOLDENS`` one with a ``.golden.npz`` for each (libaom's
-inspection hook). A line holds stream, record, decode index, order hint, number of blocks and the digest of
-everything compared: ``h = h * 0x100000001B3 + value`` modulo 2^64 over the values that
+inspection hook). A line holds stream, record, decode index, order hint, number of blocks and the
+digest of everything compared: ``h = h * 0x100000001B3 + value`` modulo 2^64 over the values that
 ``crates/av1-motion/tests/golden.rs`` lists in the same order.
 """
 

@@ -35,7 +35,7 @@ class VerificationOptions:
     """How matches become the two-view geometries that the mapper reads."""
 
     mode: Literal["all", "sampled", "trust"] = "sampled"
-    """``all`` estimates on every match, ``sampled`` on ``max_sample`` of a pair and tests every one,
+    """``all`` estimates on every match, ``sampled`` on ``max_sample`` per pair and tests every one,
     ``trust`` passes every match on untested."""
     max_sample: int = 256
     """Matches per pair that the estimation sees in mode ``sampled``."""
