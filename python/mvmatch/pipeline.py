@@ -184,6 +184,7 @@ def reconstruct_video(
             clock.stages.clear()
         with clock.stage("match"):
             match = match_video(video, options=options.track, progress=progress)
+        _require_tracks(video, match, options.track)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
         table = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
@@ -264,6 +265,20 @@ def _require_motion(
     message = (
         f"{video} holds no motion vectors: {reason}. "
         f"Encode it anew for matching: mvmatch run {video} --re-encode, or mvmatch encode"
+    )
+    raise DataError(message)
+
+
+def _require_tracks(video: Path, match: Match, options: TrackOptions) -> None:
+    if len(match.tracks):
+        return
+    if match.damage is not None:
+        raise match.damage
+    keys = sum(frame.frame_type == "KEY" for frame in match.frames if not frame.is_repeat)
+    reason = f": {keys} key frames in {match.num_frames} cut all tracks" if keys > 1 else ""
+    message = (
+        f"{video} gives no track of {options.min_length} frames{reason}. "
+        f"Encode it anew for matching: mvmatch run {video} --re-encode"
     )
     raise DataError(message)
 

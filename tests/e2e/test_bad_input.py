@@ -87,6 +87,16 @@ def test_a_video_of_key_frames_is_sent_to_the_encoder(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_key_frame_every_two_frames_is_sent_to_the_encoder(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    words = ["run", str(data / "svt_key_every_2.ivf"), "-o", str(tmp_path / "out")]
+    error = refused(words, capsys)
+    assert "no track of 3 frames" in error
+    assert "--re-encode" in error
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("verb", ["run", "track", "extract", "encode"])
 def test_a_place_that_cannot_be_written_is_named(
     verb: str, data: Path, tmp_path: Path, capsys: CaptureFixture[str]
