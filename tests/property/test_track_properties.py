@@ -63,7 +63,7 @@ def observations(tracks: Tracks) -> set[tuple[int, float, float]]:
 
 
 @given(fields=videos(), options=OPTIONS)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_tracks_of_any_structure_keep_their_rules(fields, options):
     tracks = build_tracks(fields, options=options)  # Tracks itself refuses frames that do not rise
     assert np.all(tracks.lengths >= options.min_length)
@@ -76,7 +76,7 @@ def test_tracks_of_any_structure_keep_their_rules(fields, options):
 
 
 @given(fields=videos(), options=OPTIONS)
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_between_mirrors_itself_and_agrees_with_the_pairs(fields, options):
     tracks = build_tracks(fields, options=options)
     counts = tracks.adjacency()
@@ -93,7 +93,7 @@ def test_between_mirrors_itself_and_agrees_with_the_pairs(fields, options):
 
 
 @given(fields=videos(), scale=st.sampled_from([2, 4]), follow=st.sampled_from(["nearest", "all"]))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_scaling_a_field_scales_its_tracks(fields, scale, follow):
     options = TrackOptions(max_residual=None, epsilon=0.1, tau=0.0, cell=None, follow=follow)
     scaled = [
@@ -117,7 +117,7 @@ def test_scaling_a_field_scales_its_tracks(fields, scale, follow):
     num_frames=st.integers(3, 6),
     carry=st.sampled_from(["translate", "extrapolate", "predict", "fuse"]),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_tracks_on_a_pure_translation_are_exact(step, num_frames, carry):
     vector = (step[0] / 8, step[1] / 8)
     size = {"width": WIDTH, "height": HEIGHT}
@@ -134,7 +134,7 @@ def test_tracks_on_a_pure_translation_are_exact(step, num_frames, carry):
 
 
 @given(fields=videos(reorder=False))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_a_cut_at_a_key_frame_splits_the_tracks_and_changes_none(fields):
     later = [
         field_from_rows(
@@ -152,7 +152,7 @@ def test_a_cut_at_a_key_frame_splits_the_tracks_and_changes_none(fields):
 
 
 @given(fields=videos())
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_field_filters_only_remove(fields):
     for field in fields:
         rows = {(*b, *v, r) for b, v, r in columns(field)}
@@ -166,7 +166,7 @@ def columns(field: MotionField) -> zip[tuple[list[int], list[float], int]]:
 
 
 @given(fields=videos(), epsilon=st.floats(0, 1), cell=st.integers(1, 32))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_track_filters_only_remove_and_are_idempotent(fields, epsilon, cell):
     tracks = build_tracks(fields, options=PLAIN)
     for apply in (
