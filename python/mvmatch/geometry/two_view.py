@@ -120,7 +120,7 @@ def _fit(
     size = len(points[0])
     chosen = _sample(size, max_sample, options.seed, frames)
     sample0, sample1 = points[0][chosen], points[1][chosen]
-    ransac = _ransac(options)
+    ransac = colmap_ransac(options)
     essential = pycolmap.estimate_essential_matrix(sample0, sample1, *cameras, ransac)
     planar = pycolmap.estimate_homography_matrix(sample0, sample1, ransac)
     E = None if essential is None else np.asarray(essential["E"], np.float64)
@@ -192,7 +192,8 @@ def _sample(
     return np.sort(generator.permutation(size)[:max_sample])
 
 
-def _ransac(options: RansacOptions) -> pycolmap.RANSACOptions:
+def colmap_ransac(options: RansacOptions) -> pycolmap.RANSACOptions:
+    """Return the settings as COLMAP takes them: single threaded and seeded."""
     import pycolmap
 
     ransac = pycolmap.RANSACOptions()

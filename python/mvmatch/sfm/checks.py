@@ -37,6 +37,9 @@ class AcceptanceOptions:
     """Share of the pairs with parallax that keep both bounds."""
     min_parallax: float = 1.0
     """Degrees; pairs below it say little about the direction. Lowered where no pair reaches it."""
+    min_joint: int = 20
+    """Points seen on both sides of every cut through the sequence: fewer, and the two parts of the
+    model may differ in scale."""
     min_observations: float = 0.25
     """Share of the matched keypoints that belong to a point of the model."""
 
@@ -56,6 +59,8 @@ class ModelCheck:
     """Observations in the model over keypoints with a verified match."""
     agreement: float
     """Share of the pairs with parallax whose motion the model confirms; NaN without any."""
+    weakest_joint: int
+    """Fewest points that hold the images before and after any one image together."""
     median_rotation_error: float
     """Degrees."""
     median_direction_error: float
@@ -106,6 +111,9 @@ def check_model(
         )
     if share < options.min_observations:
         reasons.append(f"only {share:.0%} of the matched keypoints belong to a point of the model")
+    joint, after = weakest_joint(model)
+    if joint < options.min_joint:
+        reasons.append(f"only {joint} points hold the model together after image {after}")
     if not agreement >= options.min_agreement:
         reasons.append(_disagreement(agreement, len(kept)))
     return ModelCheck(
@@ -116,6 +124,7 @@ def check_model(
         mean_track_length=float(model.compute_mean_track_length()),
         observation_share=share,
         agreement=agreement,
+        weakest_joint=joint,
         median_rotation_error=float(np.median(errors[:, 0])) if len(errors) else float("nan"),
         median_direction_error=float(np.median(errors[:, 1])) if len(errors) else float("nan"),
         reasons=tuple(reasons),
@@ -145,6 +154,27 @@ def relative_motion_errors(
             )
         )
     return np.array(rows, np.float64).reshape(-1, 2)
+
+
+def weakest_joint(model: pycolmap.Reconstruction) -> tuple[int, int]:
+    """Find the cut through the sequence that the fewest points bridge.
+
+    Returns
+    -------
+    points, image : int
+        The number of points, and the image id before the cut. Zero points for an empty model.
+    """
+    ids = np.array(sorted(model.reg_image_ids()), np.int64)
+    if len(ids) < 2:
+        return 0, 0
+    change = np.zeros(len(ids) + 1, np.int64)
+    for point in model.points3D.values():
+        seen = np.searchsorted(ids, [element.image_id for element in point.track.elements])
+        change[seen.min()] += 1
+        change[seen.max()] -= 1
+    bridged = np.cumsum(change)[: len(ids) - 1]
+    cut = int(np.argmin(bridged))
+    return int(bridged[cut]), int(ids[cut])
 
 
 def _with_parallax(pairs: list[PairEvidence], min_parallax: float) -> list[PairEvidence]:

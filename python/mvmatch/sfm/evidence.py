@@ -55,7 +55,10 @@ class PairEvidence:
     displacement: float
     """Median displacement of the matches in px."""
     homography_ratio: float
-    """Inliers of a homography over inliers of the essential matrix."""
+    """Share of the inliers that a homography explains as well."""
+    stretch: float
+    """How far that homography is from a rotation: largest over smallest singular value, minus 1;
+    about the share of the distance to the scene that the camera moved."""
 
     @property
     def strength(self) -> float:
@@ -149,11 +152,11 @@ def _measure(
     geometry: pycolmap.TwoViewGeometry | None,
 ) -> PairEvidence | None:
     """Return the pair's motion, taken from the record or fitted where the record has none."""
-    pose = None if geometry is None else geometry.cam2_from_cam1
-    homography_ratio = None if geometry is None else _homography_ratio(points, geometry)
-    if pose is None or homography_ratio is None:
+    if geometry is not None and geometry.cam2_from_cam1 is not None and geometry.H is not None:
+        pose, homography = geometry.cam2_from_cam1, geometry.H
+    else:
         fit = fit_pair(points[0], points[1], cameras[0], cameras[1], max_sample=_MAX_SAMPLE)
-        pose, homography_ratio = fit.cam1_from_cam0, fit.homography_ratio
+        pose, homography = fit.cam1_from_cam0, fit.H
     if pose is None:
         return None
     rotation = np.asarray(pose.rotation.matrix(), np.float64)
@@ -170,16 +173,23 @@ def _measure(
         direction=direction / length if length > 0 else direction,
         parallax=float(np.median(angles)) if len(angles) else 0.0,
         displacement=float(np.median(np.linalg.norm(points[1] - points[0], axis=1))),
-        homography_ratio=homography_ratio,
+        homography_ratio=_homography_ratio(points, homography),
+        stretch=_stretch(homography, cameras),
     )
 
 
 def _homography_ratio(
-    points: Sequence[NDArray[np.float64]], geometry: pycolmap.TwoViewGeometry
-) -> float | None:
-    if geometry.H is None:
-        return None
-    return float((homography_error(points[0], points[1], geometry.H) <= 16.0).mean())
+    points: Sequence[NDArray[np.float64]], H: NDArray[np.float64] | None
+) -> float:
+    return 0.0 if H is None else float((homography_error(points[0], points[1], H) <= 16.0).mean())
+
+
+def _stretch(H: NDArray[np.float64] | None, cameras: Sequence[pycolmap.Camera]) -> float:
+    if H is None:
+        return np.inf
+    K0, K1 = (np.asarray(camera.calibration_matrix(), np.float64) for camera in cameras)
+    singular = np.linalg.svd(np.linalg.inv(K1) @ H @ K0, compute_uv=False)
+    return float(singular[0] / singular[2] - 1.0) if singular[2] > 0 else np.inf
 
 
 def _rays(xy: NDArray[np.float64], camera: pycolmap.Camera) -> NDArray[np.float64]:

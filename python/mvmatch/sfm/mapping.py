@@ -16,14 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mvmatch.errors import DataError
+from mvmatch.sfm.adjust import adjust, adjust_known_camera
 from mvmatch.sfm.checks import ModelCheck, check_model
 from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
-from mvmatch.sfm.options import (
-    MapperOptions,
-    adjustment_options,
-    global_options,
-    incremental_options,
-)
+from mvmatch.sfm.options import MapperOptions, global_options, incremental_options
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
@@ -34,6 +30,9 @@ _logger = logging.getLogger(__name__)
 
 MIN_DISPLACEMENT = 1.0
 """px; a camera whose matches move less at every gap stands still."""
+
+MIN_STRETCH = 0.005
+"""A camera that moves by less than this share of the distance to the scene only turns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,12 +101,15 @@ def reconstruct(
     """
     options = options or MapperOptions()
     _check_database(database)
-    evidence = read_evidence(database)
-    hopeless = _hopeless(evidence)
-    if hopeless is not None:
-        return _result(None, None, evidence, [], (hopeless,))
     with tempfile.TemporaryDirectory(prefix="mvmatch-sfm-") as folder, _quiet():
-        run = _Run(database, Path(folder), options, evidence)
+        # A copy: even reading changes a database, and refined cameras are written into it.
+        copy = Path(folder) / "database.db"
+        shutil.copyfile(database, copy)
+        evidence = read_evidence(copy)
+        hopeless = _hopeless(evidence)
+        if hopeless is not None:
+            return _result(None, None, evidence, [], (hopeless,))
+        run = _Run(copy, Path(folder), options, evidence)
         model, check = run.best()
         if model is not None and check is not None and check.accepted:
             result = _result(model, check, evidence, run.attempts, ())
@@ -128,9 +130,7 @@ class _Run:
         self._refine = options.intrinsics == "refine" or (
             options.intrinsics == "auto" and not evidence.has_prior_focal_length
         )
-        # A copy: refined cameras are written into it between rounds.
-        self._database = folder / "database.db"
-        shutil.copyfile(database, self._database)
+        self._database = database
         self.attempts: list[Attempt] = []
 
     def best(self) -> tuple[pycolmap.Reconstruction | None, ModelCheck | None]:
@@ -138,8 +138,8 @@ class _Run:
         best: tuple[pycolmap.Reconstruction, ModelCheck] | None = None
         for mapper, initial in self._plan():
             model = self._map(mapper, initial)
-            if model is not None and self._refine:
-                model = self._refined(model, mapper, initial)
+            if model is not None:
+                model = self._adjusted(model, mapper, initial)
             check = self._checked(model)
             reasons = ("the mapper made no model",) if check is None else check.reasons
             images = None if initial is None else (initial.image0, initial.image1)
@@ -151,7 +151,7 @@ class _Run:
                 continue
             if best is None or _rank(check) > _rank(best[1]):
                 best = model, check
-            if check.accepted:
+            if check.accepted and check.registered == check.total:
                 break
         return (None, None) if best is None else best
 
@@ -187,49 +187,47 @@ class _Run:
         usable = [model for model in models.values() if model.num_reg_images() > 1]
         if not usable:
             return None
-        model = max(usable, key=lambda each: each.num_reg_images())
-        return self._adjusted(model, refine_intrinsics=False)
+        return max(usable, key=lambda each: each.num_reg_images())
 
     def _adjusted(
-        self, model: pycolmap.Reconstruction, *, refine_intrinsics: bool
+        self, model: pycolmap.Reconstruction, mapper: str, initial: PairEvidence | None
     ) -> pycolmap.Reconstruction:
-        """Return the model after bundle adjustment with a robust loss."""
-        import pycolmap
-
-        if self._options.loss_scale <= 0 and not refine_intrinsics:
-            return model
-        # Not pycolmap.bundle_adjustment: it writes to standard error and turns all logging on.
-        config = pycolmap.BundleAdjustmentConfig()
-        for image_id in model.reg_image_ids():
-            config.add_image(image_id)
-        config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-        adjustment = adjustment_options(self._options, refine_intrinsics=refine_intrinsics)
-        pycolmap.create_default_bundle_adjuster(adjustment, config, model).solve()
-        model.update_point_3d_errors()
+        """Return the model after the final adjustment, as the intrinsics demand."""
+        if self._refine:
+            return self._refined(model, mapper, initial)
+        if self._options.intrinsics == "auto":
+            return adjust_known_camera(model, self._options)
+        adjust(model, self._options)
         return model
 
     def _refined(
         self, model: pycolmap.Reconstruction, mapper: str, initial: PairEvidence | None
     ) -> pycolmap.Reconstruction:
         """Refine the camera on the whole model and map again with it, until it stays."""
-        for _ in range(self._options.max_refinements):
+        import pycolmap
+
+        for rounds_left in reversed(range(self._options.max_refinements)):
             before = {key: camera.mean_focal_length() for key, camera in model.cameras.items()}
-            refined = self._adjusted(model, refine_intrinsics=True)
+            refined = pycolmap.Reconstruction(model)
+            adjust(refined, self._options, refine="focal length")
+            if any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in refined.cameras.values()):
+                break
+            model = refined
             change = max(
                 abs(camera.mean_focal_length() / before[key] - 1.0)
                 for key, camera in refined.cameras.items()
             )
-            if any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in refined.cameras.values()):
-                break
-            model = refined
-            if change < 0.01:
+            if change < 0.01 or rounds_left == 0:
                 break
             self._store_cameras(refined)
             again = self._map(mapper, initial)
             if again is None or again.num_reg_images() < model.num_reg_images():
                 break
             model = again
-        return model
+        final = pycolmap.Reconstruction(model)
+        adjust(final, self._options, refine="intrinsics")
+        bogus = any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in final.cameras.values())
+        return model if bogus else final
 
     def _store_cameras(self, model: pycolmap.Reconstruction) -> None:
         import pycolmap
@@ -255,12 +253,16 @@ def _hopeless(evidence: Evidence) -> str | None:
             "the camera does not move: half of the matches of every image pair stay within "
             f"{MIN_DISPLACEMENT:g} px"
         )
+    if all(pair.homography_ratio > 0.95 and pair.stretch < MIN_STRETCH for pair in evidence.pairs):
+        return "the camera only turns: a rotation explains the matches of every image pair"
     return None
 
 
 def _rank(check: ModelCheck) -> tuple[bool, float, int, float]:
+    """Order accepted models by what they register, rejected ones by how much evidence they keep."""
     agreement = 0.0 if math.isnan(check.agreement) else check.agreement
-    return check.accepted, agreement, check.registered, -check.mean_reprojection_error
+    first = 1.0 if check.accepted else agreement
+    return check.accepted, first, check.registered, -check.mean_reprojection_error
 
 
 def _result(

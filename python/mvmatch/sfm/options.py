@@ -22,16 +22,19 @@ class MapperOptions:
     mapper: Literal["incremental", "global"] = "incremental"
     """COLMAP's mapper to use first; the other one follows when no attempt is accepted."""
     intrinsics: Literal["auto", "fixed", "refine"] = "auto"
-    """``fixed`` trusts the camera. ``refine`` maps with it fixed, refines it on the whole model,
-    and maps again: refining from the first pair on collapses such databases to two images.
-    ``auto`` refines what is only a prior."""
+    """``fixed`` keeps the camera to the letter. ``refine`` maps with it fixed, refines focal length
+    and distortion on the whole model, and maps again. ``auto`` refines a camera that is only a
+    prior, and corrects the focal length of a given one if the model contradicts it."""
+    focal_tolerance: float = 0.005
+    """Relative change of a given focal length below which it is kept (``auto``)."""
+    max_focal_change: float = 0.05
+    """Relative change of a given focal length above which the change is not believed."""
     max_attempts: int = 4
     """Attempts of the first mapper, each from another initial pair."""
     max_refinements: int = 3
     """Rounds of mapping and refining the camera, at most."""
     loss_scale: float = 0.5
-    """px; scale of the Cauchy loss of the last bundle adjustment. Points carried over many frames
-    have heavy-tailed errors. 0 leaves it out."""
+    """px; scale of the Cauchy loss of the last bundle adjustment; 0 leaves it out."""
     fallback: bool = True
     """Try the other mapper when every attempt of the first was rejected."""
     seed: int = 0
@@ -104,22 +107,3 @@ def global_options(options: MapperOptions) -> pycolmap.GlobalPipelineOptions:
     adjustment.ceres.use_gpu = False
     adjustment.ceres.solver_options.num_threads = 1
     return pipeline
-
-
-def adjustment_options(
-    options: MapperOptions, *, refine_intrinsics: bool
-) -> pycolmap.BundleAdjustmentOptions:
-    """Bundle adjustment of a finished model with a robust loss."""
-    import pycolmap
-
-    adjustment = pycolmap.BundleAdjustmentOptions()
-    adjustment.print_summary = False
-    adjustment.refine_focal_length = refine_intrinsics
-    adjustment.refine_extra_params = refine_intrinsics
-    adjustment.refine_principal_point = False
-    adjustment.ceres.use_gpu = False
-    if options.loss_scale > 0:
-        adjustment.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-        adjustment.ceres.loss_function_scale = options.loss_scale
-    adjustment.ceres.solver_options.num_threads = 1
-    return adjustment

@@ -1,0 +1,204 @@
+"""The mapper on points of known scenes: what it accepts is right, what is wrong it refuses."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from mvmatch.errors import DataError
+from mvmatch.export.colmap import write_database
+from mvmatch.geometry.trajectory import trajectory_error
+from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
+from mvmatch.sfm.checks import check_model, weakest_joint
+from mvmatch.sfm.evidence import read_evidence
+from mvmatch.types import Tracks
+
+pycolmap = pytest.importorskip("pycolmap")
+
+FOCAL = 500.0
+FRAMES = 10
+
+
+def camera(focal: float = FOCAL):
+    made = pycolmap.Camera(model="PINHOLE", width=640, height=480, params=[focal, focal, 320, 240])
+    made.has_prior_focal_length = True
+    return made
+
+
+def observe(centers, *, noise=0.2, angles=None, seed=0, movers=None) -> Tracks:
+    """Tracks of points in a corridor around the path, seen from centers looking along z."""
+    generator = np.random.default_rng(seed)
+    count = 300
+    points = generator.uniform([-6, -4, 3], [6, 4, 25], (count, 3))
+    rows: list[list[tuple[int, float, float]]] = [[] for _ in range(count)]
+    for frame, center in enumerate(centers):
+        angle = 0.0 if angles is None else angles[frame]
+        c, s = np.cos(angle), np.sin(angle)
+        world = points if movers is None else points + movers * frame
+        seen = (world - center) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]).T
+        xy = seen[:, :2] / seen[:, 2:] * FOCAL + [320, 240]
+        xy += generator.normal(scale=noise, size=xy.shape)
+        inside = (seen[:, 2] > 0.5) & (xy > 0).all(axis=1) & (xy < [640, 480]).all(axis=1)
+        for index in np.flatnonzero(inside):
+            rows[index].append((frame, *xy[index]))
+    return Tracks.from_lists(*(row for row in rows if len(row) >= 3))
+
+
+def database(tmp_path, tracks, **options):
+    path = tmp_path / "database.db"
+    names = [f"{frame:06d}.png" for frame in range(FRAMES)]
+    write_database(tracks, path, camera=options.get("camera", camera()), image_names=names)
+    return path
+
+
+FORWARD = np.array([[0.02 * np.sin(f), 0, 0.4 * f] for f in range(FRAMES)])
+
+
+@pytest.fixture(scope="module")
+def forward(tmp_path_factory):
+    """Database of a drive straight ahead, and what became of it."""
+    folder = tmp_path_factory.mktemp("forward")
+    path = database(folder, observe(FORWARD))
+    before = path.read_bytes()
+    result = reconstruct(path, folder / "sfm")
+    assert path.read_bytes() == before, "the database is only read"
+    return path, result
+
+
+def test_a_forward_drive_is_registered_in_full_and_its_path_is_right(forward):
+    path, result = forward
+
+    assert result.accepted
+    assert result.reasons == ()
+    assert (result.registered, result.total) == (FRAMES, FRAMES)
+    assert result.mean_reprojection_error < 0.4
+    model = pycolmap.Reconstruction(result.path)
+    assert result.path == path.parent / "sfm" / "0"
+    centers = [model.image(index + 1).projection_center() for index in range(FRAMES)]
+    assert trajectory_error(centers, FORWARD).percent_of_path < 0.3
+
+
+def test_the_same_database_gives_the_same_model_again(forward, tmp_path):
+    path, first = forward
+    second = reconstruct(path, tmp_path)
+
+    for image in first.reconstruction.images.values():
+        other = second.reconstruction.image(image.image_id)
+        np.testing.assert_array_equal(
+            image.cam_from_world().matrix(), other.cam_from_world().matrix()
+        )
+
+
+def test_the_global_mapper_gives_the_same_path(forward, tmp_path):
+    path, _ = forward
+    result = reconstruct(path, tmp_path / "sfm", options=MapperOptions(mapper="global"))
+
+    assert result.accepted
+    assert result.attempts[0].mapper == "global"
+    model = result.reconstruction
+    centers = [model.image(index + 1).projection_center() for index in range(FRAMES)]
+    assert trajectory_error(centers, FORWARD).percent_of_path < 0.5
+
+
+def test_a_given_camera_is_kept_to_the_letter_when_the_model_agrees(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    result = reconstruct(database(tmp_path, tracks), tmp_path / "sfm")
+
+    assert result.accepted
+    assert result.reconstruction.camera(1).params.tolist() == [FOCAL, FOCAL, 320, 240]
+
+
+def test_a_focal_length_that_is_two_percent_off_is_corrected_unless_it_is_fixed(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    path = database(tmp_path, tracks, camera=camera(1.02 * FOCAL))
+
+    corrected = reconstruct(path, tmp_path / "a").reconstruction.camera(1)
+    fixed = reconstruct(
+        path, tmp_path / "b", options=MapperOptions(intrinsics="fixed")
+    ).reconstruction.camera(1)
+    assert corrected.model_name == "PINHOLE"
+    assert corrected.focal_length_x == pytest.approx(FOCAL, rel=0.008)
+    assert fixed.focal_length_x == 1.02 * FOCAL
+
+
+def test_a_guessed_focal_length_is_refined(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    prior = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=640, height=480, params=[1.3 * FOCAL, 320, 240, 0]
+    )
+    prior.has_prior_focal_length = False
+    options = MapperOptions(max_attempts=1, fallback=False)
+    path = database(tmp_path, tracks, camera=prior)
+    result = reconstruct(path, tmp_path / "sfm", options=options)
+
+    assert result.registered == FRAMES
+    assert result.reconstruction.camera(1).focal_length == pytest.approx(FOCAL, rel=0.02)
+
+
+def test_a_camera_that_stands_still_gives_no_model_and_says_why(tmp_path):
+    tracks = observe(np.zeros((FRAMES, 3)), noise=0.1)
+    result = reconstruct(database(tmp_path, tracks), tmp_path / "sfm")
+
+    assert not result.accepted
+    assert result.path is None
+    assert "does not move" in result.reasons[0]
+    assert not (tmp_path / "sfm").exists()
+
+
+def test_a_camera_that_only_turns_gives_no_model_and_says_why(tmp_path):
+    tracks = observe(np.zeros((FRAMES, 3)), angles=np.linspace(0, 0.25, FRAMES))
+    result = reconstruct(database(tmp_path, tracks), tmp_path / "sfm")
+
+    assert not result.accepted
+    assert "only turns" in result.reasons[0]
+
+
+def test_a_bent_model_is_refused_though_all_images_are_registered(forward, tmp_path):
+    path, result = forward
+    model, evidence = (
+        pycolmap.Reconstruction(result.reconstruction),
+        read_evidence(shutil.copy(path, tmp_path)),
+    )
+    assert check_model(model, evidence, AcceptanceOptions()).accepted
+
+    for image_id in model.reg_image_ids():  # bend the path by two degrees per image
+        turn = pycolmap.Rotation3d(np.array([0.0, np.radians(2.0 * image_id), 0.0]))
+        frame = model.frame(model.image(image_id).frame_id)
+        pose = model.image(image_id).cam_from_world()
+        frame.set_cam_from_world(1, pycolmap.Rigid3d(turn, np.zeros(3)) * pose)
+    check = check_model(model, evidence, AcceptanceOptions())
+    assert check.registered == FRAMES
+    assert check.agreement < 0.5
+    assert any("contradicts" in reason for reason in check.reasons)
+
+
+def test_a_model_in_two_halves_is_found_at_its_joint(forward):
+    _, result = forward
+    model = pycolmap.Reconstruction(result.reconstruction)
+    whole, _ = weakest_joint(model)
+    for point_id in list(model.point3D_ids()):
+        seen = [element.image_id for element in model.point3D(point_id).track.elements]
+        if min(seen) <= 6 < max(seen):
+            model.delete_point3D(point_id)
+
+    assert whole > 60
+    assert weakest_joint(model) == (0, 6)
+
+
+def test_a_database_without_matches_gives_no_model(tmp_path):
+    empty = Tracks.from_lists()
+    result = reconstruct(database(tmp_path, empty), tmp_path / "sfm")
+
+    assert not result.accepted
+    assert result.total == FRAMES
+    assert result.reasons == ("no image pair has enough verified matches",)
+
+
+def test_a_text_file_is_refused(tmp_path):
+    path = tmp_path / "database.db"
+    path.write_text("hello")
+    with pytest.raises(DataError, match="not a COLMAP database"):
+        reconstruct(path, tmp_path / "sfm")
