@@ -10,11 +10,7 @@
 )]
 
 use super::cdf::Cdf;
-
-/// §3 `EC_MIN_PROB`.
-const EC_MIN_PROB: u32 = 4;
-/// §3 `EC_PROB_SHIFT`.
-const EC_PROB_SHIFT: u32 = 6;
+use crate::tables::symbols::{EC_MIN_PROB, EC_PROB_SHIFT};
 
 /// §8.2.2: the arithmetic decoder over the bytes of one tile.
 pub(crate) struct SymbolDecoder<'a> {

@@ -4,23 +4,17 @@ use super::cdef::CdefParams;
 use super::delta::{DeltaLfParams, DeltaQParams};
 use super::film_grain::FilmGrainParams;
 use super::frame_size::FrameSize;
-use super::global_motion::{DEFAULT_GM_PARAMS, GlobalMotionType};
+use super::global_motion::DEFAULT_GM_PARAMS;
 use super::loop_filter::LoopFilterParams;
 use super::loop_restoration::LoopRestorationParams;
 use super::quantization::QuantizationParams;
 use super::segmentation::{MAX_SEGMENTS, SEG_LVL_ALT_Q, SEGMENTS, SegmentationParams};
 use super::tile_info::TileInfo;
+use crate::tables::symbols::IDENTITY;
+pub(crate) use crate::tables::symbols::{
+    NUM_REF_FRAMES, PRIMARY_REF_NONE, REFS_PER_FRAME, SWITCHABLE, TOTAL_REFS_PER_FRAME,
+};
 
-/// §3 `NUM_REF_FRAMES`: reference slots.
-pub(crate) const NUM_REF_FRAMES: usize = 8;
-/// §3 `REFS_PER_FRAME`: references an inter frame can name, `LAST_FRAME` to `ALTREF_FRAME`.
-pub(crate) const REFS_PER_FRAME: usize = 7;
-/// §3 `TOTAL_REFS_PER_FRAME`: the same with `INTRA_FRAME`.
-pub(crate) const TOTAL_REFS_PER_FRAME: usize = 8;
-/// §3 `PRIMARY_REF_NONE`.
-pub(crate) const PRIMARY_REF_NONE: u8 = 7;
-/// §6.8.9 `interpolation_filter` value that leaves the choice to the blocks.
-pub(crate) const SWITCHABLE: u8 = 4;
 /// `allFrames` of §5.9.2: a refresh of every slot.
 pub(crate) const ALL_FRAMES: u8 = 0xff;
 
@@ -191,7 +185,7 @@ impl Default for FrameHeader {
             skip_mode_frame: [0; 2],
             allow_warped_motion: false,
             reduced_tx_set: false,
-            gm_type: [GlobalMotionType::IDENTITY; TOTAL_REFS_PER_FRAME],
+            gm_type: [IDENTITY; TOTAL_REFS_PER_FRAME],
             gm_params: DEFAULT_GM_PARAMS,
             film_grain: FilmGrainParams::default(),
         }

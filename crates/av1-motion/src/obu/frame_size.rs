@@ -4,11 +4,10 @@ use crate::bits::BitReader;
 use crate::error::Result;
 use crate::limits::Limits;
 use crate::refs::ReferenceSlot;
+use crate::tables::symbols::SUPERRES_NUM;
 
 use super::sequence_header::SequenceHeader;
 
-/// §3 `SUPERRES_NUM`.
-const SUPERRES_NUM: u32 = 8;
 /// §3 `SUPERRES_DENOM_MIN`.
 const SUPERRES_DENOM_MIN: u8 = 9;
 /// §3 `SUPERRES_DENOM_BITS`.

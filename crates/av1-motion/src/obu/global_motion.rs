@@ -2,6 +2,7 @@
 
 use crate::bits::BitReader;
 use crate::error::Result;
+use crate::tables::symbols::{AFFINE, IDENTITY, ROTZOOM, TRANSLATION};
 
 use super::frame_header::TOTAL_REFS_PER_FRAME;
 
@@ -19,16 +20,6 @@ const GM_TRANS_PREC_BITS: u32 = 6;
 const GM_ABS_TRANS_ONLY_BITS: u32 = 9;
 /// §3 `GM_TRANS_ONLY_PREC_BITS`.
 const GM_TRANS_ONLY_PREC_BITS: u32 = 3;
-
-/// §3: values of `GmType`.
-pub(crate) struct GlobalMotionType;
-
-impl GlobalMotionType {
-    pub(crate) const IDENTITY: u8 = 0;
-    pub(crate) const TRANSLATION: u8 = 1;
-    pub(crate) const ROTZOOM: u8 = 2;
-    pub(crate) const AFFINE: u8 = 3;
-}
 
 /// `gm_params` by reference name: `[0]`, `[1]` translation, `[2]` to `[5]` matrix, with
 /// [`WARPEDMODEL_PREC_BITS`] fractional bits.
@@ -53,7 +44,7 @@ pub(crate) fn parse_global_motion(
     allow_high_precision_mv: bool,
     previous: &GmParams,
 ) -> Result<([u8; TOTAL_REFS_PER_FRAME], GmParams)> {
-    let mut types = [GlobalMotionType::IDENTITY; TOTAL_REFS_PER_FRAME];
+    let mut types = [IDENTITY; TOTAL_REFS_PER_FRAME];
     let mut params = DEFAULT_GM_PARAMS;
     for reference in 1..TOTAL_REFS_PER_FRAME {
         types[reference] = read_type(reader)?;
@@ -70,18 +61,14 @@ pub(crate) fn parse_global_motion(
 fn read_type(reader: &mut BitReader<'_>) -> Result<u8> {
     let is_global = reader.flag()?;
     if !is_global {
-        return Ok(GlobalMotionType::IDENTITY);
+        return Ok(IDENTITY);
     }
     let is_rot_zoom = reader.flag()?;
     if is_rot_zoom {
-        return Ok(GlobalMotionType::ROTZOOM);
+        return Ok(ROTZOOM);
     }
     let is_translation = reader.flag()?;
-    Ok(if is_translation {
-        GlobalMotionType::TRANSLATION
-    } else {
-        GlobalMotionType::AFFINE
-    })
+    Ok(if is_translation { TRANSLATION } else { AFFINE })
 }
 
 struct ModelReader<'p> {
@@ -93,10 +80,10 @@ struct ModelReader<'p> {
 impl ModelReader<'_> {
     fn read(&mut self, reader: &mut BitReader<'_>) -> Result<[i32; 6]> {
         let mut params = IDENTITY_PARAMS;
-        if self.model_type >= GlobalMotionType::ROTZOOM {
+        if self.model_type >= ROTZOOM {
             params[2] = self.read_param(reader, 2)?;
             params[3] = self.read_param(reader, 3)?;
-            if self.model_type == GlobalMotionType::AFFINE {
+            if self.model_type == AFFINE {
                 params[4] = self.read_param(reader, 4)?;
                 params[5] = self.read_param(reader, 5)?;
             } else {
@@ -104,7 +91,7 @@ impl ModelReader<'_> {
                 params[5] = params[2];
             }
         }
-        if self.model_type >= GlobalMotionType::TRANSLATION {
+        if self.model_type >= TRANSLATION {
             params[0] = self.read_param(reader, 0)?;
             params[1] = self.read_param(reader, 1)?;
         }
@@ -115,7 +102,7 @@ impl ModelReader<'_> {
     fn read_param(&self, reader: &mut BitReader<'_>, index: usize) -> Result<i32> {
         let (abs_bits, prec_bits) = if index >= 2 {
             (GM_ABS_ALPHA_BITS, GM_ALPHA_PREC_BITS)
-        } else if self.model_type == GlobalMotionType::TRANSLATION {
+        } else if self.model_type == TRANSLATION {
             let coarser = u32::from(!self.allow_high_precision_mv);
             (
                 GM_ABS_TRANS_ONLY_BITS - coarser,
@@ -246,7 +233,7 @@ mod tests {
         let bits = [0b1100_0000, 0, 0, 0, 0];
         let mut reader = BitReader::new(&bits, 0);
         let (types, params) = parse_global_motion(&mut reader, true, &previous).unwrap();
-        assert_eq!(types[1], GlobalMotionType::ROTZOOM);
+        assert_eq!(types[1], ROTZOOM);
         assert_eq!(params[1], previous[1]);
         assert_eq!(params[2], DEFAULT_GM_PARAMS[2]);
         assert_eq!(reader.position(), 2 + 4 * 4 + 6);

@@ -2,17 +2,11 @@
 
 use crate::bits::BitReader;
 use crate::error::Result;
+use crate::tables::symbols::{
+    RESTORATION_TILESIZE_MAX, RESTORE_NONE, RESTORE_SGRPROJ, RESTORE_SWITCHABLE, RESTORE_WIENER,
+};
 
 use super::color_config::ColorConfig;
-
-/// §6.10.15 `FrameRestorationType` values.
-pub(crate) const RESTORE_NONE: u8 = 0;
-/// §6.10.15.
-pub(crate) const RESTORE_WIENER: u8 = 1;
-/// §6.10.15.
-pub(crate) const RESTORE_SGRPROJ: u8 = 2;
-/// §6.10.15.
-pub(crate) const RESTORE_SWITCHABLE: u8 = 3;
 
 /// §5.9.20 `Remap_Lr_Type`.
 const REMAP_LR_TYPE: [u8; 4] = [
@@ -21,9 +15,6 @@ const REMAP_LR_TYPE: [u8; 4] = [
     RESTORE_WIENER,
     RESTORE_SGRPROJ,
 ];
-
-/// §3 `RESTORATION_TILESIZE_MAX`, samples.
-const RESTORATION_TILESIZE_MAX: u32 = 256;
 
 /// §5.9.20 `lr_params`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

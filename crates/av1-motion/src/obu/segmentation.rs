@@ -2,17 +2,12 @@
 
 use crate::bits::BitReader;
 use crate::error::Result;
+pub(crate) use crate::tables::symbols::{
+    MAX_SEGMENTS, SEG_LVL_ALT_Q, SEG_LVL_MAX, SEG_LVL_REF_FRAME,
+};
 
-/// §3 `MAX_SEGMENTS`.
-pub(crate) const MAX_SEGMENTS: usize = 8;
 /// The segments' numbers.
 pub(crate) const SEGMENTS: [u8; MAX_SEGMENTS] = [0, 1, 2, 3, 4, 5, 6, 7];
-/// §3 `SEG_LVL_MAX`.
-pub(crate) const SEG_LVL_MAX: usize = 8;
-/// §3 `SEG_LVL_ALT_Q`.
-pub(crate) const SEG_LVL_ALT_Q: usize = 0;
-/// §3 `SEG_LVL_REF_FRAME`.
-pub(crate) const SEG_LVL_REF_FRAME: usize = 5;
 
 /// §5.9.14 `Segmentation_Feature_Bits`.
 const FEATURE_BITS: [u32; SEG_LVL_MAX] = [8, 6, 6, 6, 6, 3, 0, 0];
