@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,18 +18,23 @@ from mvmatch.errors import DataError, MvmatchError, NotAv1Error
 from mvmatch.export.colmap import write_database
 from mvmatch.measure import StageClock, peak_rss_mb
 from mvmatch.sfm import reconstruct
-from mvmatch.sources import FrameFacts, MotionSource, ReferenceStructure, open_video
+from mvmatch.sources import (
+    FrameFacts,
+    MotionSource,
+    ReferenceStructure,
+    UntilDamage,
+    open_video,
+)
 from mvmatch.store import StoredMotion, TracksTable, is_table, write_tracks
 from mvmatch.tracks import TrackOptions, build_tracks
 from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
     from mvmatch.sfm import ReconstructionResult
-    from mvmatch.types import MotionField
 
 
 class Progress(Protocol):
@@ -118,7 +124,7 @@ def match_video(
     options = options or TrackOptions.preset("default")
     structure = ReferenceStructure()
     with open_source(video) as source:
-        reading = _Reading(source, structure, progress)
+        reading = UntilDamage(source, structure, _stage(progress, "match"))
         tracks = build_tracks(reading, options=options)
         frames, info = tuple(source.frames), source.info
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
@@ -227,29 +233,6 @@ def open_source(path: Path) -> MotionSource:
     return StoredMotion(path) if is_table(path) else open_video(path)
 
 
-class _Reading:
-    """The fields of a source up to its end or its damage, counted on the way."""
-
-    def __init__(
-        self, source: MotionSource, structure: ReferenceStructure, progress: Progress | None
-    ) -> None:
-        self._source = source
-        self._structure = structure
-        self._progress = progress
-        self.damage: MvmatchError | None = None
-
-    def __iter__(self) -> Iterator[MotionField]:
-        total = self._source.info.num_frames
-        try:
-            for count, field in enumerate(self._source, 1):
-                self._structure.add(field)
-                if self._progress is not None:
-                    self._progress("match", count, total)
-                yield field
-        except MvmatchError as error:
-            self.damage = error
-
-
 def _require_motion(
     video: Path, frames: Sequence[FrameFacts], structure: ReferenceStructure, num_frames: int
 ) -> None:
@@ -301,13 +284,8 @@ def _encoded(
         except NotAv1Error:
             pass  # any video that FFmpeg decodes can be encoded
 
-    def encoding(done: int, total: int | None) -> None:
-        if progress is not None:
-            progress("encode", done, total)
-
-    result = encode_video(
-        source, staging / outputs.VIDEO, options=options.encode, progress=encoding
-    )
+    tell = _stage(progress, "encode")
+    result = encode_video(source, staging / outputs.VIDEO, options=options.encode, progress=tell)
     return result.path, result
 
 
@@ -334,6 +312,11 @@ def _first_frames(tracks: Tracks, num_frames: int) -> Tracks:
         frame=tracks.frame[keep],
         xy=tracks.xy[keep],
     )
+
+
+def _stage(progress: Progress | None, stage: str) -> Callable[[int, int | None], None] | None:
+    """Return the progress of one stage."""
+    return None if progress is None else functools.partial(progress, stage)
 
 
 def _tell(progress: Progress | None, stage: str) -> None:

@@ -18,10 +18,7 @@ from mvmatch.encode import EncoderName
 from mvmatch.errors import MvmatchError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from mvmatch.sources import ReferenceStructure
-    from mvmatch.types import MotionField, VideoInfo
+    from mvmatch.types import VideoInfo
 
 
 def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
@@ -33,11 +30,11 @@ def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
         An AV1 video, or a motion table.
     """
     from mvmatch.pipeline import open_source
-    from mvmatch.sources import ReferenceStructure
+    from mvmatch.sources import ReferenceStructure, UntilDamage
 
     structure = ReferenceStructure()
     with Ticker() as tell, open_source(clip) as source:
-        reading = _UntilDamage(source, structure, tell, source.info.num_frames)
+        reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         for _ in reading:
             pass
         frames, info = tuple(source.frames), source.info
@@ -107,12 +104,12 @@ def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcom
     table
         The Parquet file to write.
     """
-    from mvmatch.sources import ReferenceStructure, open_video
+    from mvmatch.sources import ReferenceStructure, UntilDamage, open_video
     from mvmatch.store import write_motion
 
     structure = ReferenceStructure()
     with Ticker() as tell, open_video(clip) as source:
-        reading = _UntilDamage(source, structure, tell, source.info.num_frames)
+        reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         rows = write_motion(reading, table, info=source.info, frames=lambda: source.frames)
         frames = len(source.frames)
     return Outcome(
@@ -192,32 +189,6 @@ def _kept(damage: MvmatchError | None, num_frames: int) -> str | None:
     if damage is None:
         return None
     return f"the {num_frames} frames before the damage were read, and only they are in the result"
-
-
-class _UntilDamage:
-    """Fields of a source up to its damage, which is kept."""
-
-    def __init__(
-        self,
-        fields: Iterable[MotionField],
-        structure: ReferenceStructure,
-        tell: Ticker,
-        total: int | None,
-    ) -> None:
-        self._fields = fields
-        self._structure = structure
-        self._tell = tell
-        self._total = total
-        self.damage: MvmatchError | None = None
-
-    def __iter__(self) -> Iterator[MotionField]:
-        try:
-            for count, field in enumerate(self._fields, 1):
-                self._structure.add(field)
-                self._tell("read", count, self._total)
-                yield field
-        except MvmatchError as error:
-            self.damage = error
 
 
 def _probe_figures(info: VideoInfo, facts: dict[str, Any]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mvmatch.sources.base import FrameFacts, MotionSource, open_video, sniff
+from mvmatch.sources.reading import UntilDamage
 from mvmatch.sources.structure import ReferenceStructure
 
-__all__ = ["FrameFacts", "MotionSource", "ReferenceStructure", "open_video", "sniff"]
+__all__ = ["FrameFacts", "MotionSource", "ReferenceStructure", "UntilDamage", "open_video", "sniff"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -30,12 +30,6 @@ class ReferenceStructure:
         self._inter_picture_area = 0.0
         self._vectors_per_frame: dict[int, int] = {}
         self._pairs: Counter[tuple[int, int]] = Counter()
-
-    def watch(self, fields: Iterable[MotionField]) -> Iterable[MotionField]:
-        """Pass fields through unchanged, counting them on the way."""
-        for field in fields:
-            self.add(field)
-            yield field
 
     def add(self, field: MotionField) -> None:
         """Count one field."""
