@@ -10,13 +10,15 @@ model, and never before: refining it from the first pair on collapses such datab
 
 from __future__ import annotations
 
-import copy
-from typing import TYPE_CHECKING, Literal
+import logging
+from typing import TYPE_CHECKING, Literal, cast
 
 if TYPE_CHECKING:
     import pycolmap
 
     from mvmatch.sfm.options import MapperOptions
+
+_logger = logging.getLogger(__name__)
 
 
 def adjust(
@@ -24,15 +26,20 @@ def adjust(
     options: MapperOptions,
     *,
     refine: Literal["nothing", "focal length", "intrinsics"] = "nothing",
-) -> None:
-    """Adjust poses and points in place, if asked for also focal length, and distortion with it."""
-    if options.loss_scale <= 0 and refine == "nothing":
-        return
+) -> float:
+    """Adjust poses and points in place, if asked for also focal length, and distortion with it.
+
+    Returns
+    -------
+    float
+        Final cost: half the sum of the robust squared residuals, px^2.
+    """
     adjustment = _adjustment(options)
     adjustment.refine_focal_length = refine != "nothing"
     adjustment.refine_extra_params = refine == "intrinsics"
-    _solve(model, adjustment)
+    cost = _solve(model, adjustment)
     model.update_point_3d_errors()
+    return cost
 
 
 def adjust_known_camera(
@@ -40,31 +47,42 @@ def adjust_known_camera(
 ) -> pycolmap.Reconstruction:
     """Adjust a model whose camera was given, and correct the focal length if the model insists.
 
-    A calibration is kept to the letter unless the model wants its focal length changed by more than
-    ``options.focal_tolerance``; a change beyond ``options.max_focal_change`` is not believed.
+    A calibration is kept to the letter unless another focal length lowers the cost by a share of
+    ``options.min_focal_gain``: smaller gains also come from errors of the tracks. Changes below
+    ``options.focal_tolerance`` are not worth it, changes above ``options.max_focal_change`` are not
+    believed.
 
     Returns
     -------
     pycolmap.Reconstruction
-        The adjusted model; the given one may have been changed.
+        The adjusted model; the given one is changed as well.
     """
     import pycolmap
 
-    given = {key: copy.copy(camera) for key, camera in model.cameras.items()}
+    cost = adjust(model, options)
     free = pycolmap.Reconstruction(model)
     for camera in free.cameras.values():
         _tie_focal_lengths(camera)
-    adjust(free, options, refine="focal length")
-    change = max(
-        abs(camera.mean_focal_length() / given[key].mean_focal_length() - 1.0)
-        for key, camera in free.cameras.items()
+    gain = 1.0 - adjust(free, options, refine="focal length") / cost if cost > 0 else 0.0
+    change = focal_change(model, free)
+    _logger.info(
+        "a focal length changed by %.2f %% lowers the cost by %.2f %%", 100 * change, 100 * gain
     )
-    if options.focal_tolerance < change <= options.max_focal_change:
-        for key, camera in free.cameras.items():
-            _untie_focal_lengths(camera, given[key])
-        return free
-    adjust(model, options)
-    return model
+    if gain < options.min_focal_gain:
+        return model
+    if not options.focal_tolerance < change <= options.max_focal_change:
+        return model
+    for key, camera in free.cameras.items():
+        _untie_focal_lengths(camera, model.cameras[key])
+    return free
+
+
+def focal_change(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> float:
+    """Return the largest relative change of a focal length between two states of a model."""
+    return max(
+        abs(camera.mean_focal_length() / before.cameras[key].mean_focal_length() - 1.0)
+        for key, camera in after.cameras.items()
+    )
 
 
 def _tie_focal_lengths(camera: pycolmap.Camera) -> None:
@@ -84,8 +102,8 @@ def _untie_focal_lengths(camera: pycolmap.Camera, given: pycolmap.Camera) -> Non
         camera.params = [focal, focal, x, y]
 
 
-def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustmentOptions) -> None:
-    """Adjust all registered images, the gauge held by two of them.
+def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustmentOptions) -> float:
+    """Adjust all registered images, the gauge held by two of them, and return the final cost.
 
     ``pycolmap.bundle_adjustment`` would do, but it turns COLMAP's logging back on.
     """
@@ -95,7 +113,9 @@ def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustment
     for image_id in model.reg_image_ids():
         config.add_image(image_id)
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    pycolmap.create_default_bundle_adjuster(adjustment, config, model).solve()
+    adjuster = pycolmap.create_default_ceres_bundle_adjuster(adjustment, config, model)
+    summary = cast("pycolmap.CeresBundleAdjustmentSummary", adjuster.solve())
+    return float(summary.ceres_summary.final_cost)
 
 
 def _adjustment(options: MapperOptions) -> pycolmap.BundleAdjustmentOptions:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mvmatch.errors import DataError
-from mvmatch.sfm.adjust import adjust, adjust_known_camera
+from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
 from mvmatch.sfm.checks import ModelCheck, check_model
 from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
 from mvmatch.sfm.options import MapperOptions, global_options, incremental_options
@@ -207,16 +207,12 @@ class _Run:
         import pycolmap
 
         for rounds_left in reversed(range(self._options.max_refinements)):
-            before = {key: camera.mean_focal_length() for key, camera in model.cameras.items()}
             refined = pycolmap.Reconstruction(model)
             adjust(refined, self._options, refine="focal length")
             if any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in refined.cameras.values()):
                 break
+            change = focal_change(model, refined)
             model = refined
-            change = max(
-                abs(camera.mean_focal_length() / before[key] - 1.0)
-                for key, camera in refined.cameras.items()
-            )
             if change < 0.01 or rounds_left == 0:
                 break
             self._store_cameras(refined)
