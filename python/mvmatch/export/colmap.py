@@ -37,7 +37,7 @@ class VerificationOptions:
     mode: Literal["all", "sampled", "trust"] = "sampled"
     """``all`` estimates on every match, ``sampled`` on ``max_sample`` per pair and tests every one,
     ``trust`` passes every match on untested."""
-    max_sample: int = 256
+    max_sample: int = 200
     """Matches per pair that the estimation sees in mode ``sampled``."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
 
