@@ -34,6 +34,8 @@ PAGE = "report.html"
 
 _OURS = (VIDEO, TRACKS, DATABASE, MODEL, PAGE, REPORT)
 _LIBRARIES = ("numpy", "av", "pycolmap", "pyarrow")
+_KEPT_FOCAL = 1e-6
+"""Relative change of a focal length that is rounding only."""
 
 
 @contextmanager
@@ -127,6 +129,24 @@ def describe_camera(choice: CameraChoice, model: ReconstructionResult) -> dict[s
         "params": [float(value) for value in choice.camera.params],
         "final_params": final,
     }
+
+
+def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[str]:
+    """Return what a user must know of the camera: that it is a guess, or that it was corrected."""
+    if choice.is_prior:
+        return [f"No camera was given ({choice.source}). With --camera the model is more accurate."]
+    if model.reconstruction is None or not model.reconstruction.cameras:
+        return []
+    cameras: Any = model.reconstruction.cameras
+    given = choice.camera.mean_focal_length()
+    used = next(iter(cameras.values())).mean_focal_length()
+    change = used / given - 1.0
+    if abs(change) < _KEPT_FOCAL:
+        return []
+    return [
+        f"The focal length of the {choice.source}, {given:.1f} px, contradicts the video: "
+        f"the model uses {used:.1f} px ({change:+.1%}). --set mapper.intrinsics=fixed holds it as given."
+    ]
 
 
 def describe_model(model: ReconstructionResult, options: MapperOptions) -> dict[str, Any]:

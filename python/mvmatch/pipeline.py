@@ -335,11 +335,11 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
     tracks = match.tracks
     after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
     lengths = np.diff(tracks.offsets)
-    warnings = [*(run.encoding.warnings if run.encoding else ()), *match.warnings]
-    if run.camera.is_prior:
-        warnings.append(
-            f"No camera was given ({run.camera.source}). With --camera the model is more accurate."
-        )
+    warnings = [
+        *(run.encoding.warnings if run.encoding else ()),
+        *match.warnings,
+        *outputs.camera_warnings(run.camera, model),
+    ]
     return {
         **outputs.provenance(),
         "input": outputs.describe_input(source, match.info, run.encoding),
