@@ -145,7 +145,8 @@ def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[s
         return []
     return [
         f"The focal length of the {choice.source}, {given:.1f} px, contradicts the video: "
-        f"the model uses {used:.1f} px ({change:+.1%}). --set mapper.intrinsics=fixed holds it as given."
+        f"the model uses {used:.1f} px ({change:+.1%}). "
+        "--set mapper.intrinsics=fixed holds it as given."
     ]
 
 
