@@ -107,6 +107,12 @@ class Av1Source:
 
     def __iter__(self) -> Iterator[MotionField]:
         """Yield the field of every coded frame; damage raises after the frames before it."""
+        for coded, pts in self.coded_frames():
+            if not coded.show_existing_frame:
+                yield _field(coded, pts)
+
+    def coded_frames(self) -> Iterator[tuple[_core.CodedFrame, float | None]]:
+        """Yield every coded frame, and every order to show one again, with its time in s."""
         while True:
             if self._first is not None:
                 (coded, pts), self._first = self._first, None
@@ -115,8 +121,7 @@ class Av1Source:
             if coded is None:
                 return
             self._frames.append(_facts(coded))
-            if not coded.show_existing_frame:
-                yield _field(coded, pts)
+            yield coded, pts
 
     def _next_coded(self) -> _core.CodedFrame | None:
         try:
