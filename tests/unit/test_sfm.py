@@ -123,6 +123,21 @@ def test_a_focal_length_that_is_two_percent_off_is_corrected_unless_it_is_fixed(
     assert fixed.focal_length_x == 1.02 * FOCAL
 
 
+def test_a_guessed_focal_length_is_refined(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    prior = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=640, height=480, params=[1.3 * FOCAL, 320, 240, 0]
+    )
+    prior.has_prior_focal_length = False
+    options = MapperOptions(max_attempts=1, fallback=False)
+    path = database(tmp_path, tracks, camera=prior)
+    result = reconstruct(path, tmp_path / "sfm", options=options)
+
+    assert result.registered == FRAMES
+    assert result.reconstruction.camera(1).focal_length == pytest.approx(FOCAL, rel=0.02)
+
+
 def test_a_camera_that_stands_still_gives_no_model_and_says_why(tmp_path):
     tracks = observe(np.zeros((FRAMES, 3)), noise=0.1)
     result = reconstruct(database(tmp_path, tracks), tmp_path / "sfm")

@@ -19,10 +19,11 @@ from mvmatch.errors import DataError
 from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
 from mvmatch.sfm.checks import ModelCheck, check_model
 from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
+from mvmatch.sfm.focal import estimate_focal
 from mvmatch.sfm.options import MapperOptions, global_options, incremental_options
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Generator, Iterator, Sequence
 
     import pycolmap
 
@@ -136,6 +137,8 @@ class _Run:
     def best(self) -> tuple[pycolmap.Reconstruction | None, ModelCheck | None]:
         """Return the first accepted model, else that with the fewest and mildest objections."""
         best: tuple[pycolmap.Reconstruction, ModelCheck] | None = None
+        if self._refine:
+            self._guess_focal()
         for mapper, initial in self._plan():
             model = self._map(mapper, initial)
             if model is not None:
@@ -166,7 +169,43 @@ class _Run:
                 for pair in self._evidence.strongest(self._options.max_attempts):
                     yield mapper, pair
 
-    def _map(self, mapper: str, initial: PairEvidence | None) -> pycolmap.Reconstruction | None:
+    def _guess_focal(self) -> None:
+        """Replace the prior focal length of the working database by one that fits."""
+        import pycolmap
+
+        with pycolmap.Database.open(self._database) as database:
+            cameras = database.read_all_cameras()
+        prior = max(camera.mean_focal_length() for camera in cameras)
+        self._store_focal(
+            cameras, estimate_focal(prior, self._evidence, self._options, self._map_with_focal)
+        )
+
+    def _map_with_focal(
+        self, focal: float, images: list[int], initial: PairEvidence
+    ) -> pycolmap.Reconstruction | None:
+        import pycolmap
+
+        with pycolmap.Database.open(self._database) as database:
+            cameras = database.read_all_cameras()
+            names = [database.read_image(image_id).name for image_id in images]
+        self._store_focal(cameras, focal)
+        return self._map("incremental", initial, names)
+
+    def _store_focal(self, cameras: list[pycolmap.Camera], focal: float) -> None:
+        import pycolmap
+
+        with pycolmap.Database.open(self._database) as database:
+            for camera in cameras:
+                params = camera.params
+                params[list(camera.focal_length_idxs())] = focal
+                camera.params = params.tolist()
+                # Else COLMAP estimates a focal length from the initial pair alone.
+                camera.has_prior_focal_length = True
+                database.update_camera(camera)
+
+    def _map(
+        self, mapper: str, initial: PairEvidence | None, image_names: Sequence[str] = ()
+    ) -> pycolmap.Reconstruction | None:
         import pycolmap
 
         out = self._folder / "models"
@@ -178,8 +217,10 @@ class _Run:
                     self._database, self._folder, out, global_options(self._options)
                 )
             else:
+                incremental = incremental_options(self._options, initial)
+                incremental.image_names = list(image_names)
                 models = pycolmap.incremental_mapping(
-                    self._database, self._folder, out, incremental_options(self._options, initial)
+                    self._database, self._folder, out, incremental
                 )
         except (RuntimeError, ValueError) as error:
             _logger.warning("the %s mapper failed: %s", mapper, error)

@@ -66,6 +66,8 @@ def incremental_options(
     pipeline.num_threads = 1
     pipeline.random_seed = options.seed
     pipeline.min_model_size = 2
+    # A given pair that fails once fails again; the default repeats it 200 times.
+    pipeline.init_num_trials = 2
     pipeline.ba_refine_focal_length = False
     pipeline.ba_refine_principal_point = False
     pipeline.ba_refine_extra_params = False

@@ -1,0 +1,144 @@
+"""A first focal length for a camera nobody described.
+
+A prior can be off by a factor of two, and from there refinement may settle anywhere. So a thinned
+part of the sequence is mapped and refined again and again, from a short and from a long focal
+length, until it stays; the one whose model fits better is where mapping of the whole starts.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mvmatch.sfm.adjust import adjust
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pycolmap
+
+    from mvmatch.sfm.evidence import Evidence, PairEvidence
+    from mvmatch.sfm.options import MapperOptions
+
+FACTORS = (0.5, 1.0)
+"""First focal lengths over the prior one: a wide and a normal lens."""
+
+MAX_ROUNDS = 6
+"""Of mapping and refining; one adjustment follows the narrow valley only part of the way."""
+
+MAX_FACTOR = 4.0
+"""Focal lengths further from the prior are not believed."""
+
+MAX_IMAGES = 16
+"""Images of the thinned sequence."""
+
+MAX_STEP = 4
+"""Matches span ten frames: every fourth image still has two neighbours."""
+
+_MIN_SHARE = 0.7
+"""A model with fewer observations than this share of the largest is no candidate."""
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Candidate:
+    focal: float
+    """px, refined."""
+    registered: int
+    num_observations: int
+    cost: float
+    """Robust cost per observation, px^2."""
+
+
+def estimate_focal(
+    prior: float,
+    evidence: Evidence,
+    options: MapperOptions,
+    map_images: Callable[[float, list[int], PairEvidence], pycolmap.Reconstruction | None],
+) -> float:
+    """Return the focal length, refined on a small model, that explains the matches best.
+
+    Parameters
+    ----------
+    prior : float
+        Focal length in px that the candidates are multiples of.
+    evidence : Evidence
+        Image pairs of the database.
+    options : MapperOptions
+        Loss of the adjustment.
+    map_images : callable
+        Maps the given images with a focal length from an initial pair, intrinsics fixed.
+
+    Returns
+    -------
+    float
+        px; the prior where nothing could be mapped.
+    """
+    images, initial = thinned(evidence)
+    if initial is None:
+        return prior
+    candidates: list[_Candidate] = []
+    for factor in FACTORS:
+        candidate = _settle(
+            factor * prior, options, lambda focal: map_images(focal, images, initial)
+        )
+        if candidate is not None and 1 / MAX_FACTOR <= candidate.focal / prior <= MAX_FACTOR:
+            candidates.append(candidate)
+    return _best(candidates, prior)
+
+
+def _settle(
+    focal: float,
+    options: MapperOptions,
+    map_images: Callable[[float], pycolmap.Reconstruction | None],
+) -> _Candidate | None:
+    """Map and refine until the focal length changes by less than a hundredth."""
+    candidate: _Candidate | None = None
+    for _ in range(MAX_ROUNDS):
+        model = map_images(focal)
+        if model is None or model.num_points3D() == 0:
+            break
+        cost = adjust(model, options, refine="focal length")
+        num_observations = model.compute_num_observations()
+        before, focal = focal, next(iter(model.cameras.values())).mean_focal_length()
+        _logger.info("focal length %.0f -> %.0f px, cost %.1f", before, focal, cost)
+        candidate = _Candidate(
+            focal=focal,
+            registered=model.num_reg_images(),
+            num_observations=num_observations,
+            cost=cost / num_observations,
+        )
+        if abs(focal / before - 1.0) < 0.01:
+            break
+    return candidate
+
+
+def thinned(evidence: Evidence) -> tuple[list[int], PairEvidence | None]:
+    """Choose evenly spaced images around the strongest pair, and the strongest pair of these."""
+    strongest = evidence.strongest(1)
+    if not strongest:
+        return [], None
+    middle = (strongest[0].image0 + strongest[0].image1) // 2
+    ids = sorted({image for pair in evidence.pairs for image in (pair.image0, pair.image1)})
+    step = max(1, min(MAX_STEP, len(ids) // MAX_IMAGES))
+    ids = ids[::step]
+    nearest = min(range(len(ids)), key=lambda index: abs(ids[index] - middle))
+    first = max(0, min(nearest - MAX_IMAGES // 2, len(ids) - MAX_IMAGES))
+    images = ids[first : first + MAX_IMAGES]
+    inside = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= set(images)]
+    return images, max(inside, key=lambda pair: pair.strength, default=None)
+
+
+def _best(candidates: list[_Candidate], prior: float) -> float:
+    if not candidates:
+        return prior
+    most = max(candidate.registered for candidate in candidates)
+    complete = [candidate for candidate in candidates if candidate.registered == most]
+    largest = max(candidate.num_observations for candidate in complete)
+    dense = [each for each in complete if each.num_observations >= _MIN_SHARE * largest]
+    return min(dense, key=lambda candidate: candidate.cost).focal
