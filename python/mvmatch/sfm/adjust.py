@@ -1,7 +1,7 @@
 """Final bundle adjustment with a robust loss, and what becomes of the camera in it.
 
 Points carried over many frames have heavy-tailed errors: a Cauchy loss lowers the trajectory error
-of five rendered sequences by a factor of 1.5 to 2.4. The camera is refined here, on the whole
+of every rendered sequence by a factor of 1.1 to 2.4. The camera is refined here, on the whole
 model, and never before: refining it from the first pair on collapses such databases to two images.
 """
 
@@ -11,7 +11,6 @@ model, and never before: refining it from the first pair on collapses such datab
 from __future__ import annotations
 
 import logging
-import math
 from typing import TYPE_CHECKING, Literal, cast
 
 if TYPE_CHECKING:
@@ -20,11 +19,6 @@ if TYPE_CHECKING:
     from mvmatch.sfm.options import MapperOptions
 
 _logger = logging.getLogger(__name__)
-
-_MAX_OBSERVATIONS_TO_CALIBRATE = 120_000
-"""Whether a given camera is wrong is asked of a share of the points that has about so many: a free
-camera is a parameter of every residual, and the adjustment with it took more than ten minutes on
-650,000 observations of 51 images."""
 
 
 def adjust(
@@ -56,7 +50,7 @@ def adjust_known_camera(
     A calibration is kept to the letter unless another focal length lowers the cost by a share of
     ``options.min_focal_gain``: smaller gains also come from errors of the tracks. Changes below
     ``options.focal_tolerance`` are not worth it, changes above ``options.max_focal_change`` are not
-    believed. Large models are asked on a share of their points.
+    believed.
 
     Returns
     -------
@@ -66,11 +60,7 @@ def adjust_known_camera(
     import pycolmap
 
     cost = adjust(model, options)
-    sample = _thinned(model)
-    is_whole = sample.num_points3D() == model.num_points3D()
-    if not is_whole:
-        cost = adjust(sample, options)
-    free = pycolmap.Reconstruction(sample)
+    free = pycolmap.Reconstruction(model)
     for camera in free.cameras.values():
         _tie_focal_lengths(camera)
     gain = 1.0 - adjust(free, options, refine="focal length") / cost if cost > 0 else 0.0
@@ -84,26 +74,7 @@ def adjust_known_camera(
         return model
     for key, camera in free.cameras.items():
         _untie_focal_lengths(camera, model.cameras[key])
-    if is_whole:
-        return free
-    for key, camera in free.cameras.items():
-        model.cameras[key].params = camera.params
-    for key in model.reg_frame_ids():
-        model.frame(key).rig_from_world = free.frame(key).rig_from_world
-    adjust(model, options)
-    return model
-
-
-def _thinned(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
-    """Return a copy with every k-th point, so that it is small enough to free its camera."""
-    import pycolmap
-
-    sample = pycolmap.Reconstruction(model)
-    step = math.ceil(sample.compute_num_observations() / _MAX_OBSERVATIONS_TO_CALIBRATE)
-    for index, point in enumerate(sorted(sample.point3D_ids())):
-        if step > 1 and index % step:
-            sample.delete_point3D(point)
-    return sample
+    return free
 
 
 def focal_change(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> float:
