@@ -287,10 +287,10 @@ mod tests {
     #[test]
     fn new_coefficient_defaults_leave_the_other_distributions_alone() {
         let mut cdfs = CdfSet::defaults(0);
-        cdfs.skip[1].0[0] = 77;
-        cdfs.coef.dc_sign[0][0].0[0] = 77;
+        cdfs.skip[1].0 = [77];
+        cdfs.coef.dc_sign[0][0].0 = [77];
         cdfs.init_coefficients(255);
-        assert_eq!(cdfs.skip[1].0[0], 77);
+        assert_eq!(cdfs.skip[1].0, [77]);
         assert_eq!(cdfs.coef, CdfSet::defaults(255).coef);
     }
 }

@@ -9,10 +9,14 @@
     reason = "the innermost loop of the parser; measured in NOTES.md"
 )]
 
-use super::cdf::Cdf;
+use std::hint::select_unpredictable;
+
+use super::cdf::{Cdf, Cdf2};
 use crate::tables::symbols::{EC_MIN_PROB, EC_PROB_SHIFT};
 
-/// §8.2.2: the arithmetic decoder over the bytes of one tile.
+/// §8.2.2: the arithmetic decoder over the bytes of one tile. A loop that reads many symbols works on
+/// a copy, which stays in registers, and puts it back.
+#[derive(Clone, Copy)]
 pub(crate) struct SymbolDecoder<'a> {
     data: &'a [u8],
     /// Next byte to load; runs past the end when padding is read.
@@ -30,110 +34,143 @@ pub(crate) struct SymbolDecoder<'a> {
 impl<'a> SymbolDecoder<'a> {
     /// §8.2.2 `init_symbol`.
     pub(crate) fn new(data: &'a [u8], adapts: bool) -> Self {
-        let mut decoder = Self {
+        let count = -15;
+        let (window, bytes) = refill(data, 0, count);
+        Self {
             data,
-            position: 0,
-            window: 0,
-            count: -15,
+            position: bytes as usize,
+            window,
+            count: count + 8 * bytes,
             range: 1 << 15,
             adapts,
-        };
-        decoder.refill();
-        decoder
+        }
     }
 
-    /// Loads whole bytes below the bits that are left. The bits of a byte that fits in part are set
-    /// too; the next refill sets the same bits again at the same place.
-    #[inline]
-    fn refill(&mut self) {
-        let word = match self.data.get(self.position..self.position + 8) {
-            Some(bytes) => u64::from_be_bytes(bytes.try_into().expect("eight bytes")),
-            None => self.tail(),
-        };
-        self.window |= !word >> (16 + self.count);
-        let bytes = (48 - self.count) >> 3;
-        self.position += bytes as usize;
-        self.count += bytes << 3;
-    }
-
-    /// The last bytes of the tile, padded with zero bits.
-    #[cold]
-    fn tail(&self) -> u64 {
-        let rest = self.data.get(self.position..).unwrap_or(&[]);
-        let mut bytes = [0; 8];
-        bytes[..rest.len()].copy_from_slice(rest);
-        u64::from_be_bytes(bytes)
-    }
-
-    /// §8.2.6, renormalisation steps 1 to 7.
+    /// `SymbolValue`.
     #[inline(always)]
-    fn renormalize(&mut self, window: u64, range: u32) {
-        let bits = range.leading_zeros() - 16;
+    fn value(&self) -> u32 {
+        (self.window >> 48) as u32
+    }
+
+    /// §8.2.6: narrows the interval to `current..previous`, then renormalisation steps 1 to 7.
+    #[inline(always)]
+    fn take(&mut self, current: u32, previous: u32) {
+        let (window, range) = (self.window - (u64::from(current) << 48), previous - current);
+        // `15 - ilog2(range)`; the range is never 0 and has 16 bits.
+        let bits = ((range | 1).leading_zeros() & 15) as i32;
         self.range = range << bits;
         self.window = window << bits;
-        self.count -= bits as i32;
+        self.count -= bits;
         if self.count < 0 {
-            self.refill();
+            let (loaded, bytes) = refill(self.data, self.position, self.count);
+            self.window |= loaded;
+            self.position += bytes as usize;
+            self.count += 8 * bytes;
         }
     }
 
     /// §8.2.6: reads a symbol of `N` values and adapts its distribution.
     #[inline(always)]
     pub(crate) fn symbol<const N: usize, const W: usize>(&mut self, cdf: &mut Cdf<N, W>) -> u8 {
-        let row = &mut cdf.0;
-        let value = (self.window >> 48) as u32;
-        let scale = self.range >> 8;
+        if W > 1 {
+            let symbol = self.symbol_of_many(cdf);
+            self.adapt(cdf, symbol);
+            return symbol as u8;
+        }
+        // Most symbols are levels of coefficients, and most levels are 0: what follows from that
+        // need not wait for the arithmetic. NOTES.md has the alternatives.
+        let lanes = cdf.0[0];
+        let first = bound(self.range >> 8, lanes as u16, N - 1);
+        if self.value() >= first {
+            self.take(first, self.range);
+            self.adapt(cdf, 0);
+            return 0;
+        }
+        let symbol = self.symbol_of_four::<N>(lanes, first);
+        self.adapt(cdf, symbol);
+        symbol as u8
+    }
+
+    /// §8.2.6 for up to four values, of which it is not the first, without a branch that depends on
+    /// the symbol.
+    #[inline(always)]
+    fn symbol_of_four<const N: usize>(&mut self, lanes: u64, first: u32) -> u32 {
+        let (value, scale) = (self.value(), self.range >> 8);
+        let lower = |index: usize| {
+            let inverse = (lanes >> (16 * index)) as u16;
+            if index < N - 1 {
+                bound(scale, inverse, N - 1 - index)
+            } else {
+                0
+            }
+        };
+        let (second, third) = (lower(1), lower(2));
+        let choose = select_unpredictable::<u32>;
+        let mut symbol = 1 + u32::from(value < second);
+        let mut previous = choose(value < second, second, first);
+        let mut current = choose(value < second, third, second);
+        if N == 4 {
+            symbol += u32::from(value < third);
+            previous = choose(value < third, third, previous);
+            current = choose(value < third, 0, current);
+        }
+        self.take(current, previous);
+        symbol
+    }
+
+    /// §8.2.6 for more values, one after the other.
+    #[inline(always)]
+    fn symbol_of_many<const N: usize, const W: usize>(&mut self, cdf: &Cdf<N, W>) -> u32 {
+        let (value, scale) = (self.value(), self.range >> 8);
         let mut previous = self.range;
         let mut symbol = 0;
-        let mut current = bound(scale, row[0], N - 1);
+        let mut current = bound(scale, cdf.inverse(0), N - 1);
         while value < current {
             symbol += 1;
             previous = current;
-            current = bound(scale, row[symbol], N - 1 - symbol);
+            current = bound(scale, cdf.inverse(symbol), N - 1 - symbol);
         }
-        self.renormalize(self.window - (u64::from(current) << 48), previous - current);
-        if self.adapts {
-            adapt::<N, W>(row, symbol);
-        }
-        symbol as u8
+        self.take(current, previous);
+        symbol as u32
     }
 
     /// §8.2.6 for two values.
     #[inline(always)]
-    pub(crate) fn flag(&mut self, cdf: &mut Cdf<2, 2>) -> bool {
-        let [probability, counter] = cdf.0;
-        let bit = self.split(probability);
-        if self.adapts {
-            let rate = 4 + (counter >> 4);
-            cdf.0[0] = if bit {
-                probability + ((32768 - probability) >> rate)
-            } else {
-                probability - (probability >> rate)
-            };
-            cdf.0[1] = counter + u16::from(counter < 32);
-        }
+    pub(crate) fn flag(&mut self, cdf: &mut Cdf2) -> bool {
+        let bit = self.split(cdf.0[0] as u16);
+        self.adapt(cdf, bit.into());
         bit
+    }
+
+    #[inline(always)]
+    fn adapt<const N: usize, const W: usize>(&self, cdf: &mut Cdf<N, W>, symbol: u32) {
+        if self.adapts {
+            adapt(cdf, symbol);
+        }
     }
 
     /// §8.3.2: a flag whose (inverse) probability is derived and does not adapt.
     #[inline(always)]
     pub(crate) fn split(&mut self, probability: u16) -> bool {
-        let value = (self.window >> 48) as u32;
         let bound = bound(self.range >> 8, probability, 1);
-        let bit = value < bound;
-        let (window, range) = if bit {
-            (self.window, bound)
+        let bit = self.value() < bound;
+        if bit {
+            self.take(0, bound);
         } else {
-            (self.window - (u64::from(bound) << 48), self.range - bound)
-        };
-        self.renormalize(window, range);
+            self.take(bound, self.range);
+        }
         bit
     }
 
     /// §8.2.3 `read_bool`.
     #[inline(always)]
     pub(crate) fn bit(&mut self) -> bool {
-        self.split(1 << 14)
+        // `bound( )` of one half.
+        let half = (self.range >> 8 << 7) + EC_MIN_PROB;
+        let bit = self.value() < half;
+        let choose = select_unpredictable::<u32>;
+        self.take(choose(bit, 0, half), choose(bit, half, self.range));
+        bit
     }
 
     /// §8.2.5 `read_literal`.
@@ -189,15 +226,66 @@ fn bound(scale: u32, inverse: u16, remaining: usize) -> u32 {
         + EC_MIN_PROB * remaining as u32
 }
 
-/// §8.2.6: moves the distribution towards `symbol`.
+/// §8.2.6: moves the distribution towards `symbol`, four lanes at a time: no lane exceeds 32768, so
+/// that none borrows from or carries into the next.
 #[inline(always)]
-fn adapt<const N: usize, const W: usize>(row: &mut [u16; W], symbol: usize) {
-    let counter = row[W - 1];
-    let rate = if N >= 4 { 5 } else { 4 } + (counter >> 4);
-    for (index, inverse) in row.iter_mut().enumerate() {
-        let raised = *inverse + ((32768 - *inverse) >> rate);
-        let lowered = *inverse - (*inverse >> rate);
-        *inverse = if index < symbol { raised } else { lowered };
+fn adapt<const N: usize, const W: usize>(cdf: &mut Cdf<N, W>, symbol: u32) {
+    const LANES: u64 = 0x0001_0001_0001_0001;
+    /// Of a shifted lane, what has not come from the lane above: by rate, less the least one.
+    const KEPT: [[u64; 4]; 2] = {
+        let mut kept = [[0; 4]; 2];
+        let mut i = 0;
+        while i < 8 {
+            kept[i / 4][i % 4] = (0xffff >> (4 + i / 4 + i % 4)) * LANES;
+            i += 1;
+        }
+        kept
+    };
+    let is_large = usize::from(N >= 4);
+    let tempo = cdf.0[W - 1] >> 52;
+    let (rate, kept) = (
+        4 + is_large as u64 + tempo,
+        KEPT[is_large][tempo as usize & 3],
+    );
+    // The counter is no lane; it stays as it is at 32.
+    let counted = (!cdf.0[W - 1] & 32 << 48) >> 5;
+    for (index, word) in cdf.0.iter_mut().enumerate() {
+        let kept = if index == W - 1 {
+            kept & (!0 >> 16)
+        } else {
+            kept
+        };
+        // The lanes before the symbol rise, the others fall.
+        let rising = match symbol.saturating_sub(4 * index as u32) {
+            lanes if W > 1 && lanes >= 4 => !0,
+            lanes => (1 << (16 * lanes)) - 1,
+        };
+        let fall = *word >> rate & kept;
+        let rise = ((LANES << 15) - *word) >> rate & kept;
+        *word = *word - fall + ((fall + rise) & rising);
     }
-    row[W - 1] = counter + u16::from(counter < 32);
+    cdf.0[W - 1] += counted;
 }
+
+/// Whole bytes below the `count` (negative) missing bits of the window, and how many. The bits of a
+/// byte that fits in part are set too; the next refill sets the same bits again at the same place.
+#[cold]
+#[inline(never)]
+fn refill(data: &[u8], position: usize, count: i32) -> (u64, i32) {
+    let word = match data.get(position..).and_then(<[u8]>::first_chunk) {
+        Some(&bytes) => u64::from_be_bytes(bytes),
+        None => tail(data, position),
+    };
+    (!word >> (16 + count), (48 - count) >> 3)
+}
+
+/// The bytes from `position` on, padded with zero bits.
+fn tail(data: &[u8], position: usize) -> u64 {
+    let rest = data.get(position..).unwrap_or(&[]);
+    let mut bytes = [0; 8];
+    bytes[..rest.len()].copy_from_slice(rest);
+    u64::from_be_bytes(bytes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -3,15 +3,34 @@
 //! The 32 printed tables follow three rules, so they are built here instead of copied:
 //! rows one after the other, columns one after the other, or anti-diagonals.
 
-use super::symbols::{TX_CLASS_2D, TX_CLASS_HORIZ, TX_CLASS_VERT};
+use super::contexts::COEFF_BASE_CTX_OFFSET;
+use super::symbols::{SIG_COEF_CONTEXTS_2D, TX_CLASS_2D, TX_CLASS_HORIZ, TX_CLASS_VERT};
+use super::tx_size::{
+    ADJUSTED_TX_SIZE, TX_4X4, TX_4X8, TX_4X16, TX_8X4, TX_8X8, TX_8X16, TX_8X32, TX_16X4, TX_16X8,
+    TX_16X16, TX_16X32, TX_16X64, TX_32X8, TX_32X16, TX_32X32, TX_32X64, TX_64X16, TX_64X32,
+    TX_64X64, TX_SIZES_ALL, TX_WIDTH,
+};
 
-/// §9.2 `Mrow_Scan_*`: every one of them is the beginning of this.
-static ROWS: [u16; 256] = rows();
+/// Levels from one row to the next in a buffer of levels: 32 and room for the neighbours of the last
+/// column.
+pub(crate) const LEVEL_STRIDE: usize = 36;
 
-const fn rows() -> [u16; 256] {
-    let mut scan = [0; 256];
+/// A coefficient in coding order, and what §8.3.2 derives from its place alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// `row * LEVEL_STRIDE + column`.
+    pub(crate) at: u16,
+    /// What the context of `coeff_base` adds to the magnitude of the neighbours.
+    pub(crate) base_context: u8,
+    /// The same for `coeff_br`.
+    pub(crate) range_context: u8,
+}
+
+/// §9.2 `Mrow_Scan_wxh`.
+const fn rows<const SIZE: usize>() -> [u16; SIZE] {
+    let mut scan = [0; SIZE];
     let mut i = 0;
-    while i < scan.len() {
+    while i < SIZE {
         #[allow(
             clippy::cast_possible_truncation,
             reason = "below 256; no try_from in const fn"
@@ -66,67 +85,97 @@ const fn position(row: usize, column: usize, width: usize) -> u16 {
     (row * width + column) as u16
 }
 
-static DEFAULT_4X4: [u16; 16] = diagonals(4);
-static DEFAULT_4X8: [u16; 32] = diagonals(4);
-static DEFAULT_8X4: [u16; 32] = diagonals(8);
-static DEFAULT_8X8: [u16; 64] = diagonals(8);
-static DEFAULT_8X16: [u16; 128] = diagonals(8);
-static DEFAULT_16X8: [u16; 128] = diagonals(16);
-static DEFAULT_16X16: [u16; 256] = diagonals(16);
-static DEFAULT_16X32: [u16; 512] = diagonals(16);
-static DEFAULT_32X16: [u16; 512] = diagonals(32);
-static DEFAULT_32X32: [u16; 1024] = diagonals(32);
-static DEFAULT_4X16: [u16; 64] = diagonals(4);
-static DEFAULT_16X4: [u16; 64] = diagonals(16);
-static DEFAULT_8X32: [u16; 256] = diagonals(8);
-static DEFAULT_32X8: [u16; 256] = diagonals(32);
+/// §8.3.2: the places of a scan.
+const fn places<const SIZE: usize>(scan: &[u16], tx_size: u8, class: u8) -> [Place; SIZE] {
+    let width = TX_WIDTH[ADJUSTED_TX_SIZE[tx_size as usize] as usize] as usize;
+    let mut places = [Place {
+        at: 0,
+        base_context: 0,
+        range_context: 0,
+    }; SIZE];
+    let mut i = 0;
+    while i < SIZE {
+        let (row, col) = (scan[i] as usize / width, scan[i] as usize % width);
+        let base_context = match class {
+            TX_CLASS_2D => COEFF_BASE_CTX_OFFSET[tx_size as usize][min(row, 4)][min(col, 4)],
+            TX_CLASS_HORIZ => (SIG_COEF_CONTEXTS_2D + 5 * min(col, 2)) as u8,
+            _ => (SIG_COEF_CONTEXTS_2D + 5 * min(row, 2)) as u8,
+        };
+        let is_near_origin = match class {
+            TX_CLASS_2D => row < 2 && col < 2,
+            TX_CLASS_HORIZ => col == 0,
+            _ => row == 0,
+        };
+        places[i] = Place {
+            at: (row * LEVEL_STRIDE + col) as u16,
+            base_context,
+            range_context: if scan[i] == 0 {
+                0
+            } else if is_near_origin {
+                7
+            } else {
+                14
+            },
+        };
+        i += 1;
+    }
+    places
+}
 
-static COLUMNS_4X4: [u16; 16] = columns(4);
-static COLUMNS_4X8: [u16; 32] = columns(4);
-static COLUMNS_8X4: [u16; 32] = columns(8);
-static COLUMNS_8X8: [u16; 64] = columns(8);
-static COLUMNS_8X16: [u16; 128] = columns(8);
-static COLUMNS_16X8: [u16; 128] = columns(16);
-static COLUMNS_16X16: [u16; 256] = columns(16);
-static COLUMNS_4X16: [u16; 64] = columns(4);
-static COLUMNS_16X4: [u16; 64] = columns(16);
+const fn min(a: usize, b: usize) -> usize {
+    if a < b { a } else { b }
+}
 
-/// The three orders of one transform size, by transform class.
-const fn by_class(default: &'static [u16], columns: &'static [u16]) -> [&'static [u16]; 3] {
-    let mut scans = [default; 3];
-    scans[TX_CLASS_2D as usize] = default;
-    scans[TX_CLASS_HORIZ as usize] = columns;
-    scans[TX_CLASS_VERT as usize] = ROWS.split_at(columns.len()).0;
-    scans
+/// The places of one transform size in the order of each transform class.
+macro_rules! by_class {
+    ($tx_size:ident, $width:literal x $height:literal) => {{
+        const SIZE: usize = $width * $height;
+        static DEFAULT: [Place; SIZE] = places(&diagonals::<SIZE>($width), $tx_size, TX_CLASS_2D);
+        static COLUMNS: [Place; SIZE] = places(&columns::<SIZE>($width), $tx_size, TX_CLASS_HORIZ);
+        static ROWS: [Place; SIZE] = places(&rows::<SIZE>(), $tx_size, TX_CLASS_VERT);
+        let mut scans: [&[Place]; 3] = [&DEFAULT; 3];
+        scans[TX_CLASS_HORIZ as usize] = &COLUMNS;
+        scans[TX_CLASS_VERT as usize] = &ROWS;
+        scans
+    }};
+}
+
+/// The places of a transform size that has no one-dimensional transforms.
+macro_rules! default_only {
+    ($tx_size:ident, $width:literal x $height:literal) => {{
+        const SIZE: usize = $width * $height;
+        static DEFAULT: [Place; SIZE] = places(&diagonals::<SIZE>($width), $tx_size, TX_CLASS_2D);
+        [&DEFAULT; 3]
+    }};
 }
 
 /// `[TxSize][transform class]`. Sides of 32 and more have no one-dimensional transforms, and sides
 /// of 64 code the lowest 32 frequencies only.
-static SCANS: [[&[u16]; 3]; super::tx_size::TX_SIZES_ALL] = [
-    by_class(&DEFAULT_4X4, &COLUMNS_4X4),
-    by_class(&DEFAULT_8X8, &COLUMNS_8X8),
-    by_class(&DEFAULT_16X16, &COLUMNS_16X16),
-    [&DEFAULT_32X32; 3],
-    [&DEFAULT_32X32; 3],
-    by_class(&DEFAULT_4X8, &COLUMNS_4X8),
-    by_class(&DEFAULT_8X4, &COLUMNS_8X4),
-    by_class(&DEFAULT_8X16, &COLUMNS_8X16),
-    by_class(&DEFAULT_16X8, &COLUMNS_16X8),
-    [&DEFAULT_16X32; 3],
-    [&DEFAULT_32X16; 3],
-    [&DEFAULT_32X32; 3],
-    [&DEFAULT_32X32; 3],
-    by_class(&DEFAULT_4X16, &COLUMNS_4X16),
-    by_class(&DEFAULT_16X4, &COLUMNS_16X4),
-    [&DEFAULT_8X32; 3],
-    [&DEFAULT_32X8; 3],
-    [&DEFAULT_16X32; 3],
-    [&DEFAULT_32X16; 3],
+static SCANS: [[&[Place]; 3]; TX_SIZES_ALL] = [
+    by_class!(TX_4X4, 4 x 4),
+    by_class!(TX_8X8, 8 x 8),
+    by_class!(TX_16X16, 16 x 16),
+    default_only!(TX_32X32, 32 x 32),
+    default_only!(TX_64X64, 32 x 32),
+    by_class!(TX_4X8, 4 x 8),
+    by_class!(TX_8X4, 8 x 4),
+    by_class!(TX_8X16, 8 x 16),
+    by_class!(TX_16X8, 16 x 8),
+    default_only!(TX_16X32, 16 x 32),
+    default_only!(TX_32X16, 32 x 16),
+    default_only!(TX_32X64, 32 x 32),
+    default_only!(TX_64X32, 32 x 32),
+    by_class!(TX_4X16, 4 x 16),
+    by_class!(TX_16X4, 16 x 4),
+    default_only!(TX_8X32, 8 x 32),
+    default_only!(TX_32X8, 32 x 8),
+    default_only!(TX_16X64, 16 x 32),
+    default_only!(TX_64X16, 32 x 16),
 ];
 
-/// §5.11.41 `get_scan`: positions `row * width + column` in coding order, where `width` is that of
-/// `Adjusted_Tx_Size`. `tx_class` is the class of `PlaneTxType`.
-pub(crate) fn scan(tx_size: u8, tx_class: u8) -> &'static [u16] {
+/// §5.11.41 `get_scan`: the places of the coefficients in coding order. `tx_class` is the class of
+/// `PlaneTxType`.
+pub(crate) fn scan(tx_size: u8, tx_class: u8) -> &'static [Place] {
     SCANS[usize::from(tx_size)][usize::from(tx_class)]
 }
 
@@ -134,25 +183,33 @@ pub(crate) fn scan(tx_size: u8, tx_class: u8) -> &'static [u16] {
 mod tests {
     use super::*;
     use crate::tables::fnv1a;
-    use crate::tables::tx_size::{
-        ADJUSTED_TX_SIZE, TX_4X4, TX_4X8, TX_8X4, TX_HEIGHT, TX_SIZES_ALL, TX_WIDTH,
-    };
+    use crate::tables::tx_size::TX_HEIGHT;
+
+    /// Positions `row * width + column` in coding order.
+    fn positions(tx_size: u8, tx_class: u8) -> Vec<u16> {
+        let width = TX_WIDTH[usize::from(ADJUSTED_TX_SIZE[usize::from(tx_size)])] as usize;
+        scan(tx_size, tx_class)
+            .iter()
+            .map(|place| usize::from(place.at))
+            .map(|at| position(at / LEVEL_STRIDE, at % LEVEL_STRIDE, width))
+            .collect()
+    }
 
     #[test]
     fn a_tall_block_goes_down_its_diagonals_and_a_wide_one_up() {
-        assert_eq!(scan(TX_4X8, TX_CLASS_2D)[..6], [0, 1, 4, 2, 5, 8]);
-        assert_eq!(scan(TX_8X4, TX_CLASS_2D)[..6], [0, 8, 1, 16, 9, 2]);
+        assert_eq!(positions(TX_4X8, TX_CLASS_2D)[..6], [0, 1, 4, 2, 5, 8]);
+        assert_eq!(positions(TX_8X4, TX_CLASS_2D)[..6], [0, 8, 1, 16, 9, 2]);
         assert_eq!(
-            scan(TX_4X4, TX_CLASS_2D)[..10],
+            positions(TX_4X4, TX_CLASS_2D)[..10],
             [0, 1, 4, 8, 5, 2, 3, 6, 9, 12]
         );
     }
 
     #[test]
     fn a_vertical_transform_is_read_by_rows_and_a_horizontal_one_by_columns() {
-        assert_eq!(scan(TX_4X8, TX_CLASS_VERT)[..6], [0, 1, 2, 3, 4, 5]);
+        assert_eq!(positions(TX_4X8, TX_CLASS_VERT)[..6], [0, 1, 2, 3, 4, 5]);
         assert_eq!(
-            scan(TX_4X8, TX_CLASS_HORIZ)[..9],
+            positions(TX_4X8, TX_CLASS_HORIZ)[..9],
             [0, 4, 8, 12, 16, 20, 24, 28, 1]
         );
     }
@@ -161,13 +218,13 @@ mod tests {
     #[test]
     fn the_rules_give_the_printed_scans() {
         let mut all = Vec::new();
-        for tx_size in 0..TX_SIZES_ALL {
+        for tx_size in 0..TX_SIZES_ALL as u8 {
             for tx_class in [TX_CLASS_2D, TX_CLASS_HORIZ, TX_CLASS_VERT] {
-                let scan = SCANS[tx_size][usize::from(tx_class)];
-                let coded = usize::from(ADJUSTED_TX_SIZE[tx_size]);
+                let scan = positions(tx_size, tx_class);
+                let coded = usize::from(ADJUSTED_TX_SIZE[usize::from(tx_size)]);
                 let area = usize::from(TX_WIDTH[coded]) * usize::from(TX_HEIGHT[coded]);
                 assert_eq!(scan.len(), area);
-                all.extend_from_slice(scan);
+                all.extend_from_slice(&scan);
             }
         }
         assert_eq!(all.len(), 22_320);

@@ -1,57 +1,17 @@
 //! §5.11.39 Coefficients.
 
 use super::context::Area;
-use super::{Block, BlockContext, TileDecoder, TileError, TileResult};
-use crate::entropy::cdf::{Cdf3, Cdf4};
+use super::levels::{LevelCdfs, LevelSums, read_levels, read_signs};
+use super::{Block, BlockContext, TileDecoder, TileResult};
 use crate::entropy::cdf_set::CoefCdfs;
 use crate::entropy::symbol::SymbolDecoder;
 use crate::tables::block_size::{BLOCK_HEIGHT, BLOCK_WIDTH, SUBSAMPLED_SIZE};
-use crate::tables::contexts::COEFF_BASE_CTX_OFFSET;
-use crate::tables::scan::scan;
-use crate::tables::symbols::{
-    BR_CDF_SIZE, COEFF_BASE_RANGE, DCT_DCT, NUM_BASE_LEVELS, SIG_COEF_CONTEXTS_2D, TX_CLASS_2D,
-    TX_CLASS_HORIZ, TX_CLASS_VERT,
-};
+use crate::tables::symbols::{DCT_DCT, TX_CLASS_2D, TX_CLASS_HORIZ, TX_CLASS_VERT};
 use crate::tables::tx_class;
 use crate::tables::tx_size::{
-    ADJUSTED_TX_SIZE, TX_32X32, TX_HEIGHT, TX_HEIGHT_LOG2, TX_SIZE_SQR, TX_SIZE_SQR_UP, TX_WIDTH,
-    TX_WIDTH_LOG2,
+    TX_32X32, TX_HEIGHT, TX_HEIGHT_LOG2, TX_SIZE_SQR, TX_SIZE_SQR_UP, TX_WIDTH, TX_WIDTH_LOG2,
 };
 use crate::tile::tx_size::tx_size4;
-
-/// Columns and rows of zeros right of and below a transform block's levels.
-const PADDING: usize = 4;
-/// Room for (32 + 4) * (32 + 4) levels; a power of two, so that a mask replaces bounds checks.
-const LEVELS: usize = 2048;
-/// Above this, a level continues with a Golomb code.
-const MAX_CODED_LEVEL: u32 = NUM_BASE_LEVELS + COEFF_BASE_RANGE;
-
-/// Buffers of one transform block.
-pub(super) struct CoefficientScratch {
-    /// Levels by position: `min(level, 3)` in the two upper bits, `level` (at most 15) below, so that
-    /// one sum over neighbours serves both kinds of context.
-    levels: [u8; LEVELS],
-    /// Levels that are not zero, in coding order (last coefficient first).
-    coded: [u8; 1024],
-}
-
-impl Default for CoefficientScratch {
-    fn default() -> Self {
-        Self {
-            levels: [0; LEVELS],
-            coded: [0; 1024],
-        }
-    }
-}
-
-/// What the levels of a transform block add up to.
-#[derive(Default)]
-struct LevelSums {
-    total: u64,
-    negative: u64,
-    /// 0 zero, 1 negative, 2 positive.
-    dc_category: u8,
-}
 
 impl TileDecoder<'_> {
     /// §5.11.39 `coeffs`, at a position of the plane in units of 4 samples.
@@ -119,7 +79,7 @@ impl TileDecoder<'_> {
         };
         let scratch = &mut *self.scratch;
         let symbols = &mut self.symbols;
-        let count = match class {
+        let read = match class {
             TX_CLASS_2D => read_levels::<TX_CLASS_2D>(symbols, &mut cdfs, scratch, tx_size, eob),
             TX_CLASS_HORIZ => {
                 read_levels::<TX_CLASS_HORIZ>(symbols, &mut cdfs, scratch, tx_size, eob)
@@ -132,7 +92,7 @@ impl TileDecoder<'_> {
             dc_sign_context(above, left)
         };
         let dc_sign = &mut self.cdfs.coef.dc_sign[plane_type][sign_context];
-        let sums = read_signs(&mut self.symbols, dc_sign, &self.scratch, count)?;
+        let sums = read_signs(&mut self.symbols, dc_sign, &self.scratch, &read)?;
         let entry = sums.total.min(63) as u8 | sums.dc_category << 6;
         self.keep_contexts(plane, (x4, y4), (width4, height4), (ss_x, ss_y), entry);
         self.count(block, plane, eob, &sums);
@@ -259,154 +219,4 @@ fn read_eob(
     let cdf = &mut coef.eob_extra[size_context][plane_type][eob_pt - 3];
     let high = usize::from(symbols.flag(cdf)) << (bits - 1);
     (1 << bits) + 1 + high + symbols.literal(bits as u32 - 1) as usize
-}
-
-/// §8.3.2: the distributions of the levels of one transform block.
-struct LevelCdfs<'a> {
-    base_eob: &'a mut [Cdf3; 4],
-    base: &'a mut [Cdf4; 42],
-    range: &'a mut [Cdf4; 21],
-}
-
-/// §5.11.39: the levels, from the last coefficient to the first; returns how many are not zero.
-fn read_levels<const CLASS: u8>(
-    symbols: &mut SymbolDecoder,
-    cdfs: &mut LevelCdfs,
-    scratch: &mut CoefficientScratch,
-    tx_size: u8,
-    eob: usize,
-) -> usize {
-    let adjusted = ADJUSTED_TX_SIZE[tx_size as usize] as usize;
-    let width_log2 = TX_WIDTH_LOG2[adjusted] as usize;
-    let (width, height) = (1 << width_log2, TX_HEIGHT[adjusted] as usize);
-    let stride = width + PADDING;
-    let offsets = &COEFF_BASE_CTX_OFFSET[tx_size as usize];
-    let scan = &scan(tx_size, CLASS)[..eob];
-    let CoefficientScratch { levels, coded } = scratch;
-    levels[..stride * (height + PADDING)].fill(0);
-    let mut count = 0;
-    for (c, &position) in scan.iter().enumerate().rev() {
-        let position = position as usize;
-        let (row, col) = (position >> width_log2, position & (width - 1));
-        let at = position + row * PADDING;
-        let near = |rows: usize, cols: usize| {
-            u32::from(levels[(at + rows * stride + cols) & (LEVELS - 1)])
-        };
-        let close = near(0, 1)
-            + near(1, 0)
-            + match CLASS {
-                TX_CLASS_2D => near(1, 1),
-                TX_CLASS_HORIZ => near(0, 2),
-                _ => near(2, 0),
-            };
-        let mut level = if c + 1 == eob {
-            let context = eob_context(c, width * height);
-            1 + u32::from(symbols.symbol(&mut cdfs.base_eob[context]))
-        } else {
-            let far = match CLASS {
-                TX_CLASS_2D => near(0, 2) + near(2, 0),
-                TX_CLASS_HORIZ => near(0, 3) + near(0, 4),
-                _ => near(3, 0) + near(4, 0),
-            };
-            let magnitude = ((((close >> 6) + (far >> 6) + 1) >> 1) as usize).min(4);
-            let context = match CLASS {
-                TX_CLASS_2D if position == 0 => 0,
-                TX_CLASS_2D => magnitude + offsets[row.min(4)][col.min(4)] as usize,
-                TX_CLASS_HORIZ => magnitude + SIG_COEF_CONTEXTS_2D + 5 * col.min(2),
-                _ => magnitude + SIG_COEF_CONTEXTS_2D + 5 * row.min(2),
-            };
-            symbols.symbol(&mut cdfs.base[context]).into()
-        };
-        if level > NUM_BASE_LEVELS {
-            let magnitude = ((((close & 63) + 1) >> 1) as usize).min(6);
-            let is_near_origin = match CLASS {
-                TX_CLASS_2D => row < 2 && col < 2,
-                TX_CLASS_HORIZ => col == 0,
-                _ => row == 0,
-            };
-            let context = match (position, is_near_origin) {
-                (0, _) => magnitude,
-                (_, true) => magnitude + 7,
-                _ => magnitude + 14,
-            };
-            level += read_range(symbols, &mut cdfs.range[context]);
-        }
-        if level > 0 {
-            levels[at & (LEVELS - 1)] = (level.min(3) << 6 | level) as u8;
-            coded[count & 1023] = level as u8;
-            count += 1;
-        }
-    }
-    // Whether the first coefficient is among them decides how its sign is read.
-    count
-}
-
-/// §5.11.39 `coeff_br`, up to four times.
-#[inline]
-fn read_range(symbols: &mut SymbolDecoder, cdf: &mut Cdf4) -> u32 {
-    const MAX_STEP: u32 = BR_CDF_SIZE as u32 - 1;
-    let mut level = 0;
-    for _ in 0..COEFF_BASE_RANGE / MAX_STEP {
-        let step = u32::from(symbols.symbol(cdf));
-        level += step;
-        if step < MAX_STEP {
-            break;
-        }
-    }
-    level
-}
-
-/// §8.3.2: the context of `coeff_base_eob`.
-fn eob_context(c: usize, area: usize) -> usize {
-    match c {
-        0 => 0,
-        c if c <= area / 8 => 1,
-        c if c <= area / 4 => 2,
-        _ => 3,
-    }
-}
-
-/// §5.11.39: signs and Golomb codes, from the first coefficient to the last.
-fn read_signs(
-    symbols: &mut SymbolDecoder,
-    dc_sign: &mut crate::entropy::cdf::Cdf2,
-    scratch: &CoefficientScratch,
-    count: usize,
-) -> TileResult<LevelSums> {
-    let mut sums = LevelSums::default();
-    let has_dc = scratch.levels[0] != 0;
-    for (index, &level) in scratch.coded[..count].iter().rev().enumerate() {
-        let is_dc = index == 0 && has_dc;
-        let is_negative = if is_dc {
-            symbols.flag(dc_sign)
-        } else {
-            symbols.bit()
-        };
-        let mut level = u32::from(level);
-        if level > MAX_CODED_LEVEL {
-            level = (read_golomb(symbols)? + MAX_CODED_LEVEL) & 0xF_FFFF;
-        }
-        if is_dc && level > 0 {
-            sums.dc_category = if is_negative { 1 } else { 2 };
-        }
-        sums.total += u64::from(level);
-        sums.negative += u64::from(is_negative);
-    }
-    Ok(sums)
-}
-
-/// §5.11.39: `x` of the Golomb code.
-fn read_golomb(symbols: &mut SymbolDecoder) -> TileResult<u32> {
-    let mut length = 1;
-    while !symbols.bit() {
-        length += 1;
-        if length > 20 {
-            let reason = "a coefficient is larger than AV1 allows";
-            return Err(TileError {
-                section: "6.10.37",
-                reason,
-            });
-        }
-    }
-    Ok((1..length).fold(1, |x, _| x << 1 | u32::from(symbols.bit())))
 }

@@ -7,6 +7,7 @@ mod context;
 mod delta;
 mod inter_info;
 mod intra_info;
+mod levels;
 mod loop_restoration;
 mod motion_mode;
 mod mv;
@@ -30,7 +31,7 @@ use crate::mvpred::projection::ProjectedMotion;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
 use crate::tables::block_size::{BLOCK_64X64, BLOCK_128X128};
-use coefficients::CoefficientScratch;
+use levels::CoefficientScratch;
 use loop_restoration::RestorationReferences;
 
 /// Why the data of a tile cannot be what an encoder wrote.

@@ -159,8 +159,8 @@ fn edge_probability<const N: usize, const W: usize>(
         if s >= N {
             return 0;
         }
-        let lower = if s == N - 1 { 0 } else { cdf.0[s] };
-        cdf.0[s - 1] - lower
+        let lower = if s == N - 1 { 0 } else { cdf.inverse(s) };
+        cdf.inverse(s - 1) - lower
     };
     let parts: &[u8] = if is_horz {
         &[
