@@ -1,6 +1,8 @@
 //! §7.1 Decoding process: units in, frames out. Owns the eight reference slots.
 
 mod frames;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 
 use std::sync::Arc;
 
