@@ -51,7 +51,7 @@ pub fn packet_ranges(bytes: &[u8]) -> Vec<Range<usize>> {
     while let Some(size) = bytes.get(at..at + 4) {
         let size = u32::from_le_bytes(size.try_into().expect("four bytes")) as usize;
         let start = at + PACKET_HEADER;
-        if size > bytes.len().saturating_sub(start) {
+        if start + size > bytes.len() {
             break;
         }
         ranges.push(start..start + size);
