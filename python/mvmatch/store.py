@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
+    from mvmatch.sources.options import Skipped
+
 SCHEMA_VERSION = 1
 """Raised when a column changes its meaning."""
 
@@ -112,6 +114,11 @@ class StoredMotion:
     def frames(self) -> Sequence[FrameFacts]:
         """Header facts of all frames."""
         return self._frames
+
+    @property
+    def skipped(self) -> Sequence[Skipped]:
+        """Nothing: a table is whole."""
+        return ()
 
     def __enter__(self) -> StoredMotion:
         return self
