@@ -21,7 +21,7 @@ fn frames() -> &'static [SavedFrame] {
 }
 
 // The frames are read before the clock of the first input runs.
-fuzz_target!(init: drop(frames()), |data: &[u8]| {
+fuzz_target!(init: { let _ = frames(); }, |data: &[u8]| {
     let [low, high, tile, data @ ..] = data else {
         return;
     };
