@@ -40,7 +40,7 @@ def probe(
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         for _ in reading:
             pass
-        frames, info, skipped = tuple(source.frames), source.info, list(source.skipped)
+        frames, info, skipped = source.frames, source.info, list(source.skipped)
     facts = structure.summary(frames)
     warnings = skipped_warnings(skipped) + structure.warnings(frames)
     encode = f"mvmatch encode {clip} {clip.stem}-matching.ivf"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mvmatch.sources.base import FrameFacts, MotionSource, open_video, sniff
+from mvmatch.sources.base import MotionSource, open_video, sniff
+from mvmatch.sources.frames import FrameFacts
 from mvmatch.sources.options import Limits, ReadOptions, Skipped
 from mvmatch.sources.reading import UntilDamage
 from mvmatch.sources.structure import ReferenceStructure

@@ -10,7 +10,8 @@ import numpy as np
 
 from mvmatch import _core
 from mvmatch.errors import BitstreamError, DataError, MvmatchError
-from mvmatch.sources.base import FrameFacts, unsupported_codec
+from mvmatch.sources.base import unsupported_codec
+from mvmatch.sources.frames import FrameFacts, FrameLog
 from mvmatch.sources.options import ReadOptions, Skipped
 from mvmatch.types import MotionField, VideoInfo
 
@@ -72,7 +73,7 @@ class Av1Source:
         self._resumes = options.errors == "resume"
         self._skipped: list[Skipped] = []
         self._parser = _core.Av1Parser(limits=options.limits)
-        self._frames: list[FrameFacts] = []
+        self._frames = FrameLog()
         self._pts: float | None = None
         try:
             first = self._next_coded()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     from os import PathLike
     from types import TracebackType
 
+    from mvmatch.sources.frames import FrameFacts
     from mvmatch.sources.options import Errors, Skipped
     from mvmatch.types import MotionField, VideoInfo
 
@@ -21,30 +21,6 @@ Kind = Literal["av1-elementary", "container", "text", "empty", "unknown"]
 
 _ELEMENTARY_SUFFIXES = {".ivf", ".obu", ".av1", ".annexb"}
 _HEAD_BYTES = 4096
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrameFacts:
-    """What the header of one frame says; intra frames and repeated frames have one too."""
-
-    decode_index: int
-    """Position in decode order; a shown existing frame repeats no index of its own."""
-    display_index: int
-    """Display index of the picture."""
-    frame_type: str
-    """``"KEY"``, ``"INTER"``, ``"INTRA_ONLY"`` or ``"SWITCH"``."""
-    is_shown: bool
-    """Whether this header puts a picture on the screen."""
-    is_repeat: bool
-    """Whether it only shows a frame decoded earlier (``show_existing_frame``)."""
-    width: int
-    """Shown width in px."""
-    height: int
-    """Shown height in px."""
-    base_q_idx: int
-    """Base quantiser index, 0 to 255."""
-    ref_display_index: tuple[int, ...]
-    """Display indices of the seven named references, -1 where there is none; empty when intra."""
 
 
 class MotionSource(Protocol):
