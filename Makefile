@@ -1,6 +1,6 @@
 # The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench fmt clean
+.PHONY: help setup demo test lint bench fuzz fuzz-long fmt clean
 SHELL := /bin/bash
 
 # The first interpreter that runs, is new enough and can make virtual environments.
@@ -16,6 +16,7 @@ help:
 	@echo "make test    all tests: Rust, Python"
 	@echo "make lint    rustfmt, clippy, ruff, pyright, import-linter, stubtest"
 	@echo "make bench   speed of the parser and of the front ends"
+	@echo "make fuzz    every fuzz target for FUZZ_SECONDS (60); make fuzz-long reads damaged files"
 	@echo "make fmt     format all sources"
 	@echo "make setup   only the environment in $(VENV)"
 
@@ -67,6 +68,31 @@ bench: setup
 	@if command -v dav1d >/dev/null; then $(BIN)/python tools/compare_parsers.py $(BENCH_STREAM); \
 	else echo "dav1d is not installed: the parser is not compared with it"; fi
 	$(BIN)/python tools/compare_front_ends.py $(BENCH_FRAMES) --stream $(BENCH_STREAM) $(BENCH_CAMERA)
+
+# Coverage-guided fuzzing on the stable toolchain: libFuzzer without a sanitizer (all code is safe
+# Rust), with overflow checks and debug assertions. Needs a C++ compiler.
+FUZZ := crates/av1-motion/fuzz
+FUZZ_TARGETS ?= container headers tile file structure
+FUZZ_SECONDS ?= 60
+FUZZ_SEEDS := $(FUZZ)/target/seeds
+
+fuzz: $(BIN)/python
+	@command -v cargo-fuzz >/dev/null || cargo install cargo-fuzz --locked
+	$(BIN)/python tools/fuzz_seeds.py $(FUZZ_SEEDS)
+	cd $(FUZZ) && cargo fuzz build --fuzz-dir . --sanitizer none
+	@for target in $(FUZZ_TARGETS); do \
+		mkdir -p $(FUZZ)/corpus/$$target; \
+		(cd $(FUZZ) && cargo fuzz run --fuzz-dir . --sanitizer none $$target corpus/$$target target/seeds/$$target -- \
+			-max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -max_len=70000 -print_final_stats=1) || exit 1; \
+	done
+
+# Whole files damaged at random (MUTATIONS, SEED), and short streams cut at every byte. More streams:
+# STREAMS=folder:folder.
+MUTATIONS ?= 20000
+
+fuzz-long:
+	MUTATIONS=$(MUTATIONS) cargo test --profile checked -p av1-motion --test mutations -- --nocapture
+	CUT_STEP=1 cargo test --profile checked -p av1-motion --test hostile
 
 fmt: setup
 	cargo fmt --all

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mvmatch.errors import (
         BitstreamError,
         DataError,
+        InternalError,
         LimitError,
         MissingExtraError,
         MvmatchError,
@@ -46,7 +47,9 @@ if TYPE_CHECKING:
         reconstruct,
     )
     from mvmatch.sources import (
+        Limits,
         MotionSource,
+        ReadOptions,
         open_video,
     )
     from mvmatch.store import (
@@ -72,7 +75,9 @@ __all__ = [
     "Correspondences",
     "DataError",
     "EncodeOptions",
+    "InternalError",
     "LimitError",
+    "Limits",
     "MapperOptions",
     "MissingExtraError",
     "MotionField",
@@ -80,6 +85,7 @@ __all__ = [
     "MotionSource",
     "MvmatchError",
     "NotAv1Error",
+    "ReadOptions",
     "RunOptions",
     "TrackOptions",
     "Tracks",
@@ -111,6 +117,7 @@ _HOME = {
     "errors": [
         "BitstreamError",
         "DataError",
+        "InternalError",
         "LimitError",
         "MissingExtraError",
         "MvmatchError",
@@ -121,7 +128,7 @@ _HOME = {
     "export.scores": ["score_database"],
     "pipeline": ["match_video", "reconstruct_video"],
     "sfm": ["MapperOptions", "reconstruct"],
-    "sources": ["MotionSource", "open_video"],
+    "sources": ["Limits", "MotionSource", "ReadOptions", "open_video"],
     "store": ["read_tracks", "write_tracks"],
     "tracks": ["TrackOptions", "build_tracks"],
     "types": [

@@ -8,9 +8,20 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
+from mvmatch.sources.options import Limits
 from mvmatch.types import MotionField
 
-__all__ = ["Av1Parser", "CodedFrame", "ContainerReader", "TrackLinker", "fit_neighbors"]
+__all__ = [
+    "Av1Parser",
+    "CodedFrame",
+    "ContainerReader",
+    "TrackLinker",
+    "default_limits",
+    "fit_neighbors",
+]
+
+def default_limits() -> dict[str, int | None]:
+    """Return the limits that hold when none are given, by name."""
 
 @final
 class ContainerReader:
@@ -19,7 +30,7 @@ class ContainerReader:
     Raises ``BitstreamError`` where the container is damaged, ``OSError`` where it cannot be read.
     """
 
-    def __new__(cls, path: str) -> ContainerReader: ...
+    def __new__(cls, path: str, *, limits: Limits | None = None) -> ContainerReader: ...
     def next_unit(self) -> tuple[int | None, bytes, int] | None:
         """Return (pts in units of the time base, bytes, their offset), or None at the end."""
 
@@ -37,11 +48,12 @@ class ContainerReader:
 
 @final
 class Av1Parser:
-    """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile."""
+    """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile.
 
-    def __new__(
-        cls, *, max_frame_area: int | None = None, max_frames: int | None = None
-    ) -> Av1Parser: ...
+    Signals are looked at every 50 ms: Ctrl-C ends a frame, which is lost then.
+    """
+
+    def __new__(cls, *, limits: Limits | None = None) -> Av1Parser: ...
     def push(self, unit: bytes, byte_offset: int = 0) -> None:
         """Queue one temporal unit that starts at this byte of the file."""
 

@@ -17,6 +17,7 @@ from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import VerificationOptions
 from mvmatch.sfm import MapperOptions
+from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ Options = TypeVar("Options")
 class RunOptions:
     """Options of a whole run, one table per stage."""
 
+    read: ReadOptions = field(default_factory=ReadOptions)
+    """What a stream may cost, and what happens where it is damaged."""
     encode: EncodeOptions = field(default_factory=EncodeOptions)
     """Frames or other video to AV1."""
     track: TrackOptions = field(default_factory=lambda: TrackOptions.preset("default"))

@@ -36,6 +36,10 @@ class LimitError(MvmatchError):
     """The input asks for more than the configured limits allow."""
 
 
+class InternalError(MvmatchError):
+    """A fault of mvmatch itself: a bug worth reporting, whatever the input was."""
+
+
 class MissingExtraError(MvmatchError, ImportError):
     """An optional dependency is not installed; the message holds the pip line."""
 

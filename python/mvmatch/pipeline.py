@@ -21,7 +21,9 @@ from mvmatch.sfm import reconstruct
 from mvmatch.sources import (
     FrameFacts,
     MotionSource,
+    ReadOptions,
     ReferenceStructure,
+    Skipped,
     UntilDamage,
     open_video,
 )
@@ -58,6 +60,8 @@ class Match:
     """Counts of vectors per reference distance and frame pair."""
     damage: MvmatchError | None
     """Why the stream broke off; the tracks cover the frames before."""
+    skipped: tuple[Skipped, ...] = ()
+    """What could not be read of a stream that was read on after damage."""
 
     @property
     def num_frames(self) -> int:
@@ -70,7 +74,7 @@ class Match:
         found = self.structure.warnings(self.frames)
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
-        return found
+        return [*skipped_warnings(self.skipped), *found]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,6 +95,7 @@ def match_video(
     video: Path,
     *,
     options: TrackOptions | None = None,
+    read: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Match:
     """Read a video's motion vectors and chain them into tracks.
@@ -101,6 +106,8 @@ def match_video(
         An AV1 video, or a motion table that ``mvmatch extract`` wrote.
     options : TrackOptions, optional
         How vectors become tracks; the default preset without.
+    read : ReadOptions, optional
+        What the stream may cost, and what happens where it is damaged.
     progress : Progress, optional
         Told after each frame.
 
@@ -123,10 +130,10 @@ def match_video(
     """
     options = options or TrackOptions.preset("default")
     structure = ReferenceStructure()
-    with open_source(video) as source:
+    with open_source(video, read) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
         tracks = build_tracks(reading, options=options)
-        frames, info = tuple(source.frames), source.info
+        frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
         if num_frames < 2:
@@ -139,6 +146,7 @@ def match_video(
         frames=frames,
         structure=structure,
         damage=reading.damage,
+        skipped=skipped,
     )
 
 
@@ -189,7 +197,7 @@ def reconstruct_video(
         if encoding is None:
             clock.stages.clear()
         with clock.stage("match"):
-            match = match_video(video, options=options.track, progress=progress)
+            match = match_video(video, options=options.track, read=options.read, progress=progress)
         _require_tracks(video, match, options.track)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
@@ -228,9 +236,20 @@ def _moved(run: Run, path: Path) -> Run:
     return dataclasses.replace(run, model=dataclasses.replace(run.model, path=path))
 
 
-def open_source(path: Path) -> MotionSource:
+def open_source(path: Path, options: ReadOptions | None = None) -> MotionSource:
     """Open a video or a stored motion table; see :func:`mvmatch.sources.open_video`."""
-    return StoredMotion(path) if is_table(path) else open_video(path)
+    options = options or ReadOptions()
+    if is_table(path):
+        return StoredMotion(path)
+    return open_video(path, errors=options.errors, limits=options.limits)
+
+
+def skipped_warnings(skipped: Sequence[Skipped]) -> list[str]:
+    """Say what was left out of a stream: the first five places, and how many more there are."""
+    shown = [f"A part of the stream was skipped. {part}" for part in skipped[:5]]
+    if len(skipped) > 5:
+        shown.append(f"{len(skipped) - 5} more parts of the stream were skipped.")
+    return shown
 
 
 def _require_motion(
@@ -279,7 +298,7 @@ def _encoded(
         raise FileNotFoundError(message)
     if not source.is_dir() and not reencode:
         try:
-            with open_source(source):
+            with open_source(source, options.read):
                 return source, None
         except NotAv1Error:
             pass  # any video that FFmpeg decodes can be encoded
@@ -369,5 +388,6 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
             if match.damage is None
             else {"message": str(match.damage), "frames_read": len(match.frames)}
         ),
+        "skipped": [dataclasses.asdict(part) for part in match.skipped],
         "warnings": warnings,
     }

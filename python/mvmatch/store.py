@@ -11,15 +11,18 @@ that it can be read without mvmatch. A file appears under its name only when it 
 from __future__ import annotations
 
 import json
+import math
 import os
+from array import array
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from dataclasses import fields as fields_of
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mvmatch.errors import DataError, cannot_write
-from mvmatch.sources.base import FrameFacts
+from mvmatch.sources.frames import FrameFacts, FrameLog
 from mvmatch.types import MotionField, Tracks, VideoInfo
 
 if TYPE_CHECKING:
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     import pyarrow as pa
+
+    from mvmatch.sources.options import Skipped
 
 SCHEMA_VERSION = 1
 """Raised when a column changes its meaning."""
@@ -38,6 +43,9 @@ _CONVENTIONS = (
     "xy_in_reference = xy_in_current + mv"
 )
 _ROWS_PER_GROUP = 1 << 20
+_MOTION_ROWS_PER_GROUP = 1 << 17
+_HEADER = ("frame", "decode_index", "pts", "width", "height", "is_key", "is_shown", "rows")
+"""What is kept of each field beside its rows, as numbers; the time is NaN where there is none."""
 _KEY = b"mvmatch"
 
 
@@ -58,7 +66,7 @@ def write_motion(
     info: VideoInfo,
     frames: Callable[[], Sequence[FrameFacts]],
 ) -> int:
-    """Write motion fields, one row group per frame; intra frames have facts but no rows.
+    """Write motion fields, whole frames to a row group; intra frames have facts but no rows.
 
     Parameters
     ----------
@@ -79,19 +87,34 @@ def write_motion(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = 0
+    rows = waiting = 0
     schema = _motion_schema()
-    headers: list[dict[str, Any]] = []
+    headers = array("d")
+    batches: list[Any] = []
+
+    def flush() -> None:
+        # A row group of its own for each frame would weigh more than the frame.
+        writer.write_table(pa.Table.from_batches(batches, schema), row_group_size=max(waiting, 1))
+        batches.clear()
+
     with _in_place(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
         for field in fields:
-            headers.append(_field_header(field))
+            headers.extend(_field_header(field))
             if len(field):
-                writer.write_batch(pa.record_batch(_motion_columns(field), schema=schema))
-                rows += len(field)
-        facts = [asdict(frame) for frame in frames()]
-        extra = {"info": asdict(info), "fields": headers, "frames": facts}
+                batches.append(pa.record_batch(_motion_columns(field), schema=schema))
+                waiting += len(field)
+            if waiting >= _MOTION_ROWS_PER_GROUP:
+                flush()
+                rows, waiting = rows + waiting, 0
+        if waiting:
+            flush()
+        extra = {
+            "info": asdict(info),
+            "fields": _header_columns(headers),
+            "frames": _facts_columns(frames()),
+        }
         writer.add_key_value_metadata(_metadata("motion", extra))
-    return rows
+    return rows + waiting
 
 
 class StoredMotion:
@@ -100,8 +123,12 @@ class StoredMotion:
     def __init__(self, path: Path) -> None:
         self._file, extra = _open("motion", path)
         self._info = VideoInfo(**extra["info"])
-        self._fields: list[dict[str, Any]] = extra["fields"]
-        self._frames = [_frame_facts(frame) for frame in extra["frames"]]
+        self._fields: dict[str, list[Any]] = extra["fields"]
+        self._frames = FrameLog()
+        for values in zip(*extra["frames"].values(), strict=True):
+            facts = dict(zip(extra["frames"], values, strict=True))
+            facts["ref_display_index"] = tuple(facts["ref_display_index"])
+            self._frames.append(FrameFacts(**facts))
 
     @property
     def info(self) -> VideoInfo:
@@ -112,6 +139,11 @@ class StoredMotion:
     def frames(self) -> Sequence[FrameFacts]:
         """Header facts of all frames."""
         return self._frames
+
+    @property
+    def skipped(self) -> Sequence[Skipped]:
+        """Nothing: a table is whole."""
+        return ()
 
     def __enter__(self) -> StoredMotion:
         return self
@@ -128,16 +160,17 @@ class StoredMotion:
         """Yield the fields in the order in which they were written."""
         import pyarrow as pa
 
-        group = 0
-        for header in self._fields:
-            facts = dict(header)
-            rows = facts.pop("rows")
-            if rows:
+        group, table = 0, pa.Table.from_batches([], schema=_motion_schema())
+        empty = table
+        for values in zip(*self._fields.values(), strict=True):
+            header = dict(zip(self._fields, values, strict=True))
+            rows = header.pop("rows")
+            if rows and not len(table):
                 table = self._file.read_row_group(group)
                 group += 1
-            else:
-                table = pa.Table.from_batches([], schema=_motion_schema())
-            yield MotionField(**facts, **_motion_arrays(table))
+            own, table = (table[:rows], table[rows:]) if rows else (empty, table)
+            header |= {"is_key": bool(header["is_key"]), "is_shown": bool(header["is_shown"])}
+            yield MotionField(**header, **_motion_arrays(own))
 
 
 def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) -> None:
@@ -286,14 +319,32 @@ def _motion_arrays(table: Any) -> dict[str, Any]:
     }
 
 
-def _frame_facts(values: dict[str, Any]) -> FrameFacts:
-    references: tuple[int, ...] = tuple(values.pop("ref_display_index"))
-    return FrameFacts(**values, ref_display_index=references)
+def _facts_columns(frames: Sequence[FrameFacts]) -> dict[str, list[Any]]:
+    """Return the facts of all frames by name."""
+    columns: dict[str, list[Any]] = {item.name: [] for item in fields_of(FrameFacts)}
+    for frame in frames:
+        for name, column in columns.items():
+            column.append(getattr(frame, name))
+    return columns
 
 
-def _field_header(field: MotionField) -> dict[str, Any]:
-    bare = ("frame", "decode_index", "pts", "width", "height", "is_key", "is_shown")
-    return {**{name: getattr(field, name) for name in bare}, "rows": len(field)}
+def _field_header(field: MotionField) -> tuple[float, ...]:
+    """Return the numbers of `_HEADER`."""
+    pts = math.nan if field.pts is None else field.pts
+    place = (field.frame, field.decode_index, pts, field.width, field.height)
+    return (*place, field.is_key, field.is_shown, len(field))
+
+
+def _header_columns(headers: array[float]) -> dict[str, list[float | None]]:
+    """Return the numbers of all fields by name, as JSON takes them."""
+
+    def plain(number: float) -> float | None:
+        if math.isnan(number):
+            return None
+        return int(number) if number.is_integer() else number
+
+    rows = len(_HEADER)
+    return {name: [plain(n) for n in headers[at::rows]] for at, name in enumerate(_HEADER)}
 
 
 @contextmanager

@@ -4,6 +4,8 @@
 use std::borrow::Cow;
 use std::{fmt, io};
 
+use crate::memory::OutOfMemory;
+
 /// Result of everything in this crate that reads a stream.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -40,6 +42,15 @@ pub enum Error {
         /// What was allowed.
         maximum: u64,
     },
+    /// The system has no memory for something that [`Limits`](crate::Limits) allows. Lower
+    /// [`Limits::max_frame_area`](crate::Limits::max_frame_area), or free memory.
+    OutOfMemory {
+        /// What was asked for in one piece.
+        bytes: u64,
+    },
+    /// The caller asked to stop ([`Parser::interrupt_when`](crate::Parser::interrupt_when)). The
+    /// frame that was being read is lost.
+    Interrupted,
     /// A frame needs an earlier frame that was lost, damaged or never sent. Decoding can resume at
     /// the next frame that does not depend on it, at the latest at a key frame.
     MissingReference {
@@ -78,6 +89,12 @@ impl fmt::Display for Error {
                 formatter,
                 "the stream needs {limit} = {value}, but the limit is {maximum}"
             ),
+            Self::OutOfMemory { bytes } => write!(
+                formatter,
+                "there is no memory for {bytes} bytes that the stream needs \
+                 (a lower limit on the frame area refuses such streams)"
+            ),
+            Self::Interrupted => formatter.write_str("reading was interrupted by its caller"),
             Self::MissingReference {
                 reason,
                 section,
@@ -116,6 +133,12 @@ impl std::error::Error for Error {
 impl From<io::Error> for Error {
     fn from(error: io::Error) -> Self {
         Self::Io(error)
+    }
+}
+
+impl From<OutOfMemory> for Error {
+    fn from(error: OutOfMemory) -> Self {
+        Self::OutOfMemory { bytes: error.bytes }
     }
 }
 

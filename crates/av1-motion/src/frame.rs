@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::entropy::cdf_set::CdfSet;
-use crate::mvpred::projection::{LostMotion, ProjectedMotion, ProjectionSource};
+use crate::interrupt::Interrupt;
+use crate::memory::{OutOfMemory, filled};
+use crate::mvpred::projection::{ProjectedMotion, ProjectionSource};
 use crate::mvpred::storage::{SavedMotionBands, SavedMotionBuilder};
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
@@ -26,7 +28,7 @@ pub(crate) struct FrameContent {
     /// Probabilities that a frame with this primary reference starts from; counters are 0.
     pub(crate) cdfs: Arc<CdfSet>,
     /// `SavedSegmentIds`; zeros when absent.
-    pub(crate) segment_ids: Option<Arc<[u8]>>,
+    pub(crate) segment_ids: Option<Arc<Vec<u8>>>,
     /// `SavedMvs` and `SavedRefFrames`, when a later frame may ask for them.
     pub(crate) motion: Option<SavedMotionBands>,
 }
@@ -34,18 +36,32 @@ pub(crate) struct FrameContent {
 /// The decoded state behind each reference slot.
 pub(crate) type FrameStates = [Option<Arc<FrameState>>; 8];
 
+/// Why the tiles of a frame cannot be begun.
+#[derive(Debug)]
+pub(crate) enum ContextError {
+    /// Vectors that have to be projected were lost with the tiles of their frame.
+    LostMotion,
+    OutOfMemory(OutOfMemory),
+}
+
+impl From<OutOfMemory> for ContextError {
+    fn from(error: OutOfMemory) -> Self {
+        Self::OutOfMemory(error)
+    }
+}
+
 impl FrameContext {
     /// What the tiles of a frame start from; `primary` is the state of the primary reference frame.
     ///
     /// # Errors
-    /// [`LostMotion`] when vectors of a damaged frame would have to be projected.
+    /// [`ContextError::LostMotion`] when vectors of a damaged frame would have to be projected.
     pub(crate) fn new(
         sequence: &Arc<SequenceHeader>,
         header: &Arc<FrameHeader>,
         slots: &ReferenceSlots,
         states: &FrameStates,
         primary: Option<&FrameContent>,
-    ) -> Result<Self, LostMotion> {
+    ) -> Result<Self, ContextError> {
         let slot = |name: i8| &slots[header.ref_frame_idx[name as usize - 1].into()];
         let names = 1..=7_i8;
         let (mut is_scaled, mut ref_is_past, mut ref_distance) = ([false; 8], [false; 8], [0; 8]);
@@ -92,21 +108,25 @@ impl FrameContext {
             ref_distance,
             ref_is_past,
             codes_tx_type: std::array::from_fn(|segment| header.qindex(segment as u8, None) > 0),
+            interrupt: Interrupt::default(),
         })
     }
 
     /// §7.4, §7.19: the segmentation map that the frame leaves behind.
-    pub(crate) fn segment_map(&self, tiles: &[TileOutput]) -> Option<Arc<[u8]>> {
+    pub(crate) fn segment_map(
+        &self,
+        tiles: &[TileOutput],
+    ) -> Result<Option<Arc<Vec<u8>>>, OutOfMemory> {
         let segmentation = &self.header.segmentation;
         if !segmentation.enabled {
-            return None;
+            return Ok(None);
         }
         if !segmentation.update_map {
-            return self.prev_segment_ids.clone();
+            return Ok(self.prev_segment_ids.clone());
         }
         let size = &self.header.size;
         let (rows, cols) = (size.mi_rows as usize, size.mi_cols as usize);
-        let mut map = vec![0; rows * cols];
+        let mut map = filled(0, rows * cols)?;
         for block in tiles.iter().flat_map(|tile| &tile.blocks) {
             let (row, col) = (block.mi_row as usize, block.mi_col as usize);
             let col_end = cols.min(col + block.width4());
@@ -114,19 +134,22 @@ impl FrameContext {
                 map[row * cols + col..row * cols + col_end].fill(block.segment_id);
             }
         }
-        Some(map.into())
+        Ok(Some(Arc::new(map)))
     }
 
     /// §7.19: the motion that the frame leaves behind, if later frames can ask for it.
-    pub(crate) fn saved_motion(&self, tiles: &[TileOutput]) -> Option<SavedMotionBands> {
+    pub(crate) fn saved_motion(
+        &self,
+        tiles: &[TileOutput],
+    ) -> Result<Option<SavedMotionBands>, OutOfMemory> {
         if self.header.frame_is_intra || !self.sequence.enable_ref_frame_mvs {
-            return None;
+            return Ok(None);
         }
-        let mut builder = SavedMotionBuilder::new(self);
+        let mut builder = SavedMotionBuilder::new(self)?;
         for block in tiles.iter().flat_map(|tile| &tile.blocks) {
             builder.store(self, block);
         }
-        Some(builder.finish())
+        builder.finish().map(Some)
     }
 }
 

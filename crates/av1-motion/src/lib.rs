@@ -16,7 +16,9 @@ mod entropy;
 mod error;
 mod frame;
 mod info;
+mod interrupt;
 mod limits;
+mod memory;
 mod motion;
 mod mvpred;
 mod obu;
@@ -36,4 +38,7 @@ pub use info::FrameInfo;
 pub use limits::Limits;
 pub use motion::{Frame, Motion, MotionVector, Reference, flags};
 pub use parser::Parser;
+#[cfg(fuzzing)]
+#[doc(hidden)]
+pub use parser::fuzzing;
 pub use tile::{Block, CoefficientStats};

@@ -1,14 +1,18 @@
-//! Damaged streams: whatever the bytes, the parser returns frames or an error.
+//! Damaged streams: whatever the bytes, the parser returns frames or an error, and what it returns
+//! from before the damage is what it returns without. `tests/mutations.rs` damages at random.
 //!
-//! `MUTATIONS=100000 cargo test --release --test hostile` runs longer and tells the slowest
-//! file; `SEED` varies the damage.
+//! `CUT_STEP=1` cuts short streams at every byte.
 
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use av1_motion::{ContainerReader, Frame, Limits, Parser};
+use av1_motion::{ContainerReader, Error, Frame, Limits, Parser};
+
+use damage::stream::packet_ranges;
+
+mod damage;
 
 fn streams() -> Vec<(PathBuf, Vec<u8>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/corpus");
@@ -57,45 +61,6 @@ fn read(bytes: &[u8]) -> (Vec<Frame>, usize) {
     (frames, errors)
 }
 
-/// A small generator of reproducible damage (xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        usize::try_from(self.0 >> 16).expect("48 bits") % bound.max(1)
-    }
-}
-
-/// Flips bits, overwrites, removes, repeats or splices bytes.
-fn mutate(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
-    for _ in 0..=random.below(4) {
-        let at = random.below(bytes.len());
-        let span = random.below(64).min(bytes.len() - at);
-        match random.below(6) {
-            0 | 1 => bytes[at] ^= 1 << random.below(8),
-            2 => bytes[at..at + span].fill([0, 0xff][random.below(2)]),
-            3 => drop(bytes.drain(at..at + span)),
-            4 => {
-                let copy = bytes[at..at + span].to_vec();
-                let to = random.below(bytes.len());
-                bytes.splice(to..to, copy);
-            }
-            _ => {
-                let from = random.below(other.len());
-                let part = &other[from..other.len().min(from + 200)];
-                let end = bytes.len().min(at + part.len());
-                bytes.splice(at..end, part.iter().copied());
-            }
-        }
-        if bytes.is_empty() {
-            bytes.push(0);
-        }
-    }
-}
-
 fn variable(name: &str, default: u64) -> u64 {
     std::env::var(name)
         .ok()
@@ -104,36 +69,12 @@ fn variable(name: &str, default: u64) -> u64 {
 }
 
 #[test]
-fn damaged_streams_never_panic() {
-    let streams = streams();
-    let mut random = Random(variable("SEED", 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-    let mut slowest = Duration::ZERO;
-    for number in 0..variable("MUTATIONS", 400) {
-        let (path, original) = &streams[random.below(streams.len())];
-        let other = &streams[random.below(streams.len())].1;
-        let mut bytes = original.clone();
-        mutate(&mut bytes, other, &mut random);
-        let start = Instant::now();
-        let outcome = catch_unwind(AssertUnwindSafe(|| read(&bytes)));
-        slowest = slowest.max(start.elapsed());
-        if outcome.is_err() {
-            let kept = std::env::temp_dir().join(format!("hostile-{number}.ivf"));
-            fs::write(&kept, &bytes).expect("a place for the evidence");
-            panic!(
-                "mutation {number} of {}: see {}",
-                path.display(),
-                kept.display()
-            );
-        }
-    }
-}
-
-#[test]
 fn a_cut_stream_gives_the_frames_before_the_cut() {
+    let step = usize::try_from(variable("CUT_STEP", 97)).expect("a step");
     for (path, bytes) in streams().iter().filter(|(_, bytes)| bytes.len() < 12_000) {
         let (whole, errors) = read(bytes);
         assert_eq!(errors, 0, "{}", path.display());
-        for end in (0..bytes.len()).step_by(97) {
+        for end in (0..bytes.len()).step_by(step) {
             let (frames, _) = read(&bytes[..end]);
             let same = frames.iter().zip(&whole).all(|(cut, whole)| {
                 cut.decode_index == whole.decode_index && cut.motion().eq(whole.motion())
@@ -147,23 +88,12 @@ fn a_cut_stream_gives_the_frames_before_the_cut() {
     }
 }
 
-/// Units of an IVF file as byte ranges of their data.
-fn unit_ranges(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
-    let (mut ranges, mut at) = (Vec::new(), 32);
-    while let Some(size) = bytes.get(at..at + 4) {
-        let size = u32::from_le_bytes(size.try_into().expect("four bytes")) as usize;
-        ranges.push(at + 12..at + 12 + size);
-        at += 12 + size;
-    }
-    ranges
-}
-
 #[test]
 fn after_a_lost_frame_every_frame_is_exact_or_refused() {
     let mut resumed = 0;
     for (path, original) in streams() {
         let (whole, _) = read(&original);
-        let units = unit_ranges(&original);
+        let units = packet_ranges(&original);
         for (number, unit) in units.iter().enumerate().step_by(3) {
             let mut bytes = original.clone();
             bytes[unit.start + unit.len() / 2..unit.end].fill(0x5a);
@@ -199,4 +129,35 @@ fn after_a_lost_frame_every_frame_is_exact_or_refused() {
         resumed > 100,
         "only {resumed} frames were read after damage"
     );
+}
+
+#[test]
+fn files_that_once_broke_the_parser_do_so_no_more() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/bugs");
+    for entry in fs::read_dir(folder).expect("the folder") {
+        let bytes = fs::read(entry.expect("an entry").path()).expect("a file");
+        let _ = read(&bytes);
+    }
+}
+
+#[test]
+fn an_interrupted_frame_is_lost_and_the_next_key_frame_is_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/corpus");
+    let bytes = fs::read(folder.join("svtnew_p4.ivf")).expect("the stream");
+    let units = packet_ranges(&bytes);
+    let mut parser = Parser::new(Limits::default());
+    let asked = Arc::new(AtomicUsize::new(0));
+    let count = asked.clone();
+    parser.interrupt_when(move || count.fetch_add(1, Ordering::Relaxed) == 1);
+    let mut read = |unit: usize| {
+        parser.push(bytes[units[unit].clone()].to_vec(), 0);
+        parser
+            .next_frame()
+            .map(|frame| frame.is_some_and(|frame| frame.is_intra()))
+    };
+    // The second question is answered with yes.
+    assert!(matches!(read(0), Err(Error::Interrupted)));
+    assert_eq!(asked.load(Ordering::Relaxed), 2);
+    assert!(matches!(read(1), Err(Error::MissingReference { .. })));
+    assert!(matches!(read(0), Ok(true)));
 }

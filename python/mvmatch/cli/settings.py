@@ -36,6 +36,9 @@ class Settings:
     preset: Literal["default", "paper"] = "default"
     """Rules of tracking: what measured best, or the paper's to the letter."""
 
+    errors: Literal["raise", "resume"] | None = None
+    """At damage in an AV1 stream: stop with the frames before it, or skip what was lost."""
+
     config: ExistingFile | None = None
     """TOML file with options; `mvmatch run --print-config` shows one."""
 
@@ -49,7 +52,10 @@ class Settings:
         options = RunOptions(track=TrackOptions.preset(self.preset))
         if self.config is not None:
             options = load_options(self.config, options)
-        return apply_assignments(self.set, options)
+        options = apply_assignments(self.set, options)
+        if self.errors is None:
+            return options
+        return replace(options, read=replace(options.read, errors=self.errors))
 
 
 def apply_assignments(assignments: Sequence[str], options: RunOptions) -> RunOptions:

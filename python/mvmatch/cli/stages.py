@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from mvmatch.types import VideoInfo
 
 
-def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
+def probe(
+    clip: ExistingFile, /, *, settings: Settings | None = None, json: Json = False
+) -> Outcome:
     """Say how a video is coded and whether its vectors can be matched.
 
     Parameters
@@ -29,23 +31,28 @@ def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
     clip
         An AV1 video, or a motion table.
     """
-    from mvmatch.pipeline import open_source
+    from mvmatch.pipeline import open_source, skipped_warnings
     from mvmatch.sources import ReferenceStructure, UntilDamage
 
     structure = ReferenceStructure()
-    with Ticker() as tell, open_source(clip) as source:
+    read = (settings or Settings()).options().read
+    with Ticker() as tell, open_source(clip, read) as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         for _ in reading:
             pass
-        frames, info = tuple(source.frames), source.info
+        frames, info, skipped = source.frames, source.info, list(source.skipped)
     facts = structure.summary(frames)
-    warnings = structure.warnings(frames)
+    warnings = skipped_warnings(skipped) + structure.warnings(frames)
     encode = f"mvmatch encode {clip} {clip.stem}-matching.ivf"
     return Outcome(
         table=_frame_gaps(facts),
         figures=_probe_figures(info, facts),
         next=encode if warnings else f"mvmatch run {clip} -o out",
-        data={"info": dataclasses.asdict(info), "reference_structure": facts},
+        data={
+            "info": dataclasses.asdict(info),
+            "reference_structure": facts,
+            "skipped": [dataclasses.asdict(part) for part in skipped],
+        },
         warnings=warnings,
         failure=reading.damage,
         partial=_kept(reading.damage, len(frames)),
@@ -94,7 +101,14 @@ def encode(
     )
 
 
-def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcome:
+def extract(
+    clip: ExistingFile,
+    table: Path,
+    /,
+    *,
+    settings: Settings | None = None,
+    json: Json = False,
+) -> Outcome:
     """Write a video's motion vectors to a Parquet table.
 
     Parameters
@@ -104,11 +118,14 @@ def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcom
     table
         The Parquet file to write.
     """
+    from mvmatch.pipeline import skipped_warnings
     from mvmatch.sources import ReferenceStructure, UntilDamage, open_video
     from mvmatch.store import write_motion
 
     structure = ReferenceStructure()
-    with Ticker() as tell, open_video(clip) as source:
+    read = (settings or Settings()).options().read
+    video = open_video(clip, errors=read.errors, limits=read.limits)
+    with Ticker() as tell, video as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         rows = write_motion(reading, table, info=source.info, frames=lambda: source.frames)
         frames = len(source.frames)
@@ -116,8 +133,12 @@ def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcom
         made=[table],
         figures={"vectors": f"{rows:,} in {frames} frames"},
         next=f"mvmatch track {table} tracks.parquet",
-        data={"num_vectors": rows, "num_frames": frames},
-        warnings=structure.warnings(source.frames),
+        data={
+            "num_vectors": rows,
+            "num_frames": frames,
+            "skipped": [dataclasses.asdict(part) for part in source.skipped],
+        },
+        warnings=skipped_warnings(source.skipped) + structure.warnings(source.frames),
         failure=reading.damage,
         partial=_kept(reading.damage, frames),
     )
@@ -143,9 +164,10 @@ def track(
     from mvmatch.pipeline import frame_names, match_video
     from mvmatch.store import TracksTable, write_tracks
 
-    options = (settings or Settings()).options().track
+    chosen = (settings or Settings()).options()
+    options = chosen.track
     with Ticker() as tell:
-        match = match_video(clip, options=options, progress=tell)
+        match = match_video(clip, options=options, read=chosen.read, progress=tell)
         names = frame_names(match.num_frames)
         stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))
@@ -162,8 +184,9 @@ def track(
             "num_tracks": len(tracks),
             "num_observations": len(tracks.frame),
             "num_frames": match.num_frames,
+            "skipped": [dataclasses.asdict(part) for part in match.skipped],
         },
-        warnings=match.warnings if match.damage is None else match.warnings[1:],
+        warnings=[text for text in match.warnings if not text.startswith("The stream broke off")],
         failure=match.damage,
         partial=_kept(match.damage, len(match.frames)),
     )

@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
-from mvmatch.sources.base import FrameFacts, MotionSource, open_video, sniff
+from mvmatch.sources.base import MotionSource, open_video, sniff
+from mvmatch.sources.frames import FrameFacts
+from mvmatch.sources.options import Limits, ReadOptions, Skipped
 from mvmatch.sources.reading import UntilDamage
 from mvmatch.sources.structure import ReferenceStructure
 
-__all__ = ["FrameFacts", "MotionSource", "ReferenceStructure", "UntilDamage", "open_video", "sniff"]
+__all__ = [
+    "FrameFacts",
+    "Limits",
+    "MotionSource",
+    "ReadOptions",
+    "ReferenceStructure",
+    "Skipped",
+    "UntilDamage",
+    "open_video",
+    "sniff",
+]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mvmatch import _core
 from mvmatch.errors import BitstreamError, DataError, MvmatchError
-from mvmatch.sources.base import FrameFacts, unsupported_codec
+from mvmatch.sources.base import unsupported_codec
+from mvmatch.sources.frames import FrameFacts, FrameLog
+from mvmatch.sources.options import ReadOptions, Skipped
 from mvmatch.types import MotionField, VideoInfo
 
 if TYPE_CHECKING:
@@ -47,6 +50,8 @@ class Av1Source:
         Temporal units in decode order.
     close : callable
         Releases the container.
+    options : ReadOptions, optional
+        What the stream may cost, and what happens where it is damaged.
     num_frames, frame_rate
         What the container says, None when it does not.
     """
@@ -57,14 +62,18 @@ class Av1Source:
         units: Iterator[Unit],
         *,
         close: Callable[[], None],
+        options: ReadOptions | None = None,
         num_frames: int | None = None,
         frame_rate: float | None = None,
     ) -> None:
         self._path = path
         self._units = units
         self._close = close
-        self._parser = _core.Av1Parser()
-        self._frames: list[FrameFacts] = []
+        options = options or ReadOptions()
+        self._resumes = options.errors == "resume"
+        self._skipped: list[Skipped] = []
+        self._parser = _core.Av1Parser(limits=options.limits)
+        self._frames = FrameLog()
         self._pts: float | None = None
         try:
             first = self._next_coded()
@@ -74,6 +83,8 @@ class Av1Source:
         if first is None:
             close()
             message = f"{path}: the file ends before its first AV1 frame"
+            if self._skipped:
+                message = f"{path} has no frame that can be read. {self._skipped[0]}"
             raise BitstreamError(message)
         self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
         self._info = VideoInfo(
@@ -94,6 +105,11 @@ class Av1Source:
         """Header facts of the frames read so far."""
         return self._frames
 
+    @property
+    def skipped(self) -> Sequence[Skipped]:
+        """What could not be read so far, one item for each run of errors."""
+        return self._skipped
+
     def __enter__(self) -> Av1Source:
         return self
 
@@ -106,7 +122,7 @@ class Av1Source:
         self._close()
 
     def __iter__(self) -> Iterator[MotionField]:
-        """Yield the field of every coded frame; damage raises after the frames before it."""
+        """Yield the field of every coded frame; damage raises after them, or is skipped."""
         for coded, pts in self.coded_frames():
             if not coded.show_existing_frame:
                 yield _field(coded, pts)
@@ -124,20 +140,46 @@ class Av1Source:
             yield coded, pts
 
     def _next_coded(self) -> _core.CodedFrame | None:
-        try:
-            while (coded := self._parser.next_frame()) is None:
-                unit = next(self._units, None)
-                if unit is None:
-                    self._parser.finish()
-                    return None
-                self._pts, data, offset = unit
-                self._parser.push(data, offset)
-        except MvmatchError as error:
-            raise _located(error, self._path, frame=len(self._frames)) from error
+        """Return the next frame that can be read, or None at the end."""
+        while True:
+            try:
+                return self._advance()
+            except BitstreamError as error:
+                if not self._resumes:
+                    raise _located(error, self._path, frame=len(self._frames)) from error
+                self._skip(error)
+            except MvmatchError as error:
+                raise _located(error, self._path, frame=len(self._frames)) from error
+
+    def _advance(self) -> _core.CodedFrame | None:
+        while (coded := self._parser.next_frame()) is None:
+            # A container that fails has no further units: the next call finds the end.
+            unit = next(self._units, None)
+            if unit is None:
+                self._parser.finish()
+                return None
+            self._pts, data, offset = unit
+            self._parser.push(data, offset)
         return coded
 
+    def _skip(self, error: BitstreamError) -> None:
+        """Keep what an error says; errors in a row are one item, so that the list stays short."""
+        if self._skipped and self._skipped[-1].after_frame == len(self._frames):
+            last = self._skipped[-1]
+            self._skipped[-1] = dataclasses.replace(last, num_errors=last.num_errors + 1)
+            return
+        self._skipped.append(
+            Skipped(
+                after_frame=len(self._frames),
+                num_errors=1,
+                byte_offset=error.byte_offset,
+                section=error.section,
+                reason=str(error),
+            )
+        )
 
-def open_elementary(path: Path) -> Av1Source:
+
+def open_elementary(path: Path, *, options: ReadOptions | None = None) -> Av1Source:
     """Open an IVF file, a Section 5 OBU stream or an Annex B stream.
 
     Raises
@@ -154,7 +196,7 @@ def open_elementary(path: Path) -> Av1Source:
     if head.startswith(b"DKIF") and len(head) >= 12 and head[8:12] != b"AV01":
         raise unsupported_codec(path, head[8:12].decode("ascii", "replace").strip("\0 "))
     try:
-        reader = _core.ContainerReader(str(path))
+        reader = _core.ContainerReader(str(path), limits=(options or ReadOptions()).limits)
     except MvmatchError as error:
         raise _located(error, path) from error
     time_base = reader.time_base
@@ -168,10 +210,10 @@ def open_elementary(path: Path) -> Av1Source:
                 seconds = pts * time_base[0] / time_base[1]
             yield seconds, data, offset
 
-    return Av1Source(path, units(), close=_nothing, frame_rate=frame_rate)
+    return Av1Source(path, units(), close=_nothing, options=options, frame_rate=frame_rate)
 
 
-def open_demuxed(path: Path) -> Av1Source:
+def open_demuxed(path: Path, *, options: ReadOptions | None = None) -> Av1Source:
     """Open MP4, MKV, WebM or whatever else FFmpeg demuxes; packets only, nothing is decoded.
 
     Raises
@@ -209,6 +251,7 @@ def open_demuxed(path: Path) -> Av1Source:
             path,
             _packets(container, stream),
             close=container.close,
+            options=options,
             num_frames=stream.frames or None,
             frame_rate=float(rate) if rate else None,
         )

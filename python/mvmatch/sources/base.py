@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from mvmatch.errors import DataError, NotAv1Error
+from mvmatch.sources.options import Limits, ReadOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from os import PathLike
     from types import TracebackType
 
+    from mvmatch.sources.frames import FrameFacts
+    from mvmatch.sources.options import Errors, Skipped
     from mvmatch.types import MotionField, VideoInfo
 
 Kind = Literal["av1-elementary", "container", "text", "empty", "unknown"]
@@ -21,35 +23,11 @@ _ELEMENTARY_SUFFIXES = {".ivf", ".obu", ".av1", ".annexb"}
 _HEAD_BYTES = 4096
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameFacts:
-    """What the header of one frame says; intra frames and repeated frames have one too."""
-
-    decode_index: int
-    """Position in decode order; a shown existing frame repeats no index of its own."""
-    display_index: int
-    """Display index of the picture."""
-    frame_type: str
-    """``"KEY"``, ``"INTER"``, ``"INTRA_ONLY"`` or ``"SWITCH"``."""
-    is_shown: bool
-    """Whether this header puts a picture on the screen."""
-    is_repeat: bool
-    """Whether it only shows a frame decoded earlier (``show_existing_frame``)."""
-    width: int
-    """Shown width in px."""
-    height: int
-    """Shown height in px."""
-    base_q_idx: int
-    """Base quantiser index, 0 to 255."""
-    ref_display_index: tuple[int, ...]
-    """Display indices of the seven named references, -1 where there is none; empty when intra."""
-
-
 class MotionSource(Protocol):
     """A video as a stream of motion fields, in decode order.
 
     A source is a context manager and can be iterated once. When the stream is damaged it yields
-    every field before the damage and then raises.
+    every field before the damage and then raises, or goes on if it was opened to ``"resume"``.
     """
 
     @property
@@ -60,6 +38,11 @@ class MotionSource(Protocol):
     @property
     def frames(self) -> Sequence[FrameFacts]:
         """Header facts of the frames read so far."""
+        ...
+
+    @property
+    def skipped(self) -> Sequence[Skipped]:
+        """What could not be read so far; empty unless the source goes on after damage."""
         ...
 
     def __iter__(self) -> Iterator[MotionField]: ...
@@ -101,13 +84,23 @@ def sniff(path: Path) -> Kind:
     return "av1-elementary" if path.suffix.lower() in _ELEMENTARY_SUFFIXES else "unknown"
 
 
-def open_video(path: str | PathLike[str]) -> MotionSource:
+def open_video(
+    path: str | PathLike[str], *, errors: Errors = "raise", limits: Limits | None = None
+) -> MotionSource:
     """Open a video and read its motion vectors; no pixel is decoded.
 
     Parameters
     ----------
     path : path
         AV1 as IVF, Section 5 OBU stream, Annex B, MP4, MKV or WebM.
+    errors : {"raise", "resume"}
+        What happens at damage: an error after the fields before it, or reading on at the first
+        frame that depends on nothing that was lost; ``source.skipped`` then says what was left out.
+        Nothing is guessed either way. Limits, unsupported tools and files that cannot be read are
+        errors always. After a frame header that is lost, display indices may be too small by the
+        number of pictures that nothing in the stream tells of.
+    limits : Limits, optional
+        What the stream may cost; :class:`~mvmatch.sources.Limits` with its defaults without.
 
     Returns
     -------
@@ -125,7 +118,9 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
     UnsupportedError
         Its first frame uses a coding tool that is not handled.
     BitstreamError
-        The stream is damaged before its first frame is complete.
+        The stream is damaged before its first frame is complete; to resume, no frame can be read.
+    LimitError
+        Its first frame asks for more than ``limits`` allow.
     """
     path = Path(path)
     if not path.exists():
@@ -147,9 +142,10 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
 
     from mvmatch.sources import av1
 
+    options = ReadOptions(errors=errors, limits=limits or Limits())
     if kind == "av1-elementary":
-        return av1.open_elementary(path)
-    return av1.open_demuxed(path)
+        return av1.open_elementary(path, options=options)
+    return av1.open_demuxed(path, options=options)
 
 
 def unsupported_codec(path: Path, codec: str) -> NotAv1Error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mvmatch.sources.base import FrameFacts
+    from mvmatch.sources.frames import FrameFacts
     from mvmatch.types import MotionField
 
 
@@ -28,12 +29,13 @@ class ReferenceStructure:
         self._area: Counter[int] = Counter()
         self._inter_area = 0.0
         self._inter_picture_area = 0.0
-        self._vectors_per_frame: dict[int, int] = {}
-        self._pairs: Counter[tuple[int, int]] = Counter()
+        # Flat, so that an hour of video stays small: (frame, vectors), (frame, reference, vectors).
+        self._per_frame = array("q")
+        self._pairs = array("q")
 
     def add(self, field: MotionField) -> None:
         """Count one field."""
-        self._vectors_per_frame[field.frame] = len(field)
+        self._per_frame.extend((field.frame, len(field)))
         if field.is_key:
             return
         area = _area_inside(field)
@@ -42,7 +44,7 @@ class ReferenceStructure:
             chosen = distance == value
             self._rows[int(value)] += int(chosen.sum())
             self._area[int(value)] += int(area[chosen].sum())
-            self._pairs[field.frame, field.frame - int(value)] += int(chosen.sum())
+            self._pairs.extend((field.frame, field.frame - int(value), int(chosen.sum())))
         # A compound block has one row per reference; its area counts once.
         _, first = np.unique(field.block, axis=0, return_index=True)
         self._inter_area += float(area[first].sum())
@@ -69,16 +71,15 @@ class ReferenceStructure:
     @property
     def vectors_per_frame(self) -> dict[int, int]:
         """Vectors per display index."""
-        return dict(sorted(self._vectors_per_frame.items()))
+        return dict(sorted(zip(self._per_frame[::2], self._per_frame[1::2], strict=True)))
 
     def adjacency(self, num_frames: int) -> NDArray[np.int64]:
         """(F, F) symmetric counts of vectors between two frames, before any tracking."""
         counts = np.zeros((num_frames, num_frames), np.int64)
-        for (frame, reference), rows in self._pairs.items():
-            if max(frame, reference) < num_frames:
-                counts[frame, reference] += rows
-                counts[reference, frame] += rows
-        return counts
+        frame, reference, rows = np.array(self._pairs, np.int64).reshape(-1, 3).T
+        inside = np.maximum(frame, reference) < num_frames
+        np.add.at(counts, (frame[inside], reference[inside]), rows[inside])
+        return counts + counts.T
 
     def summary(self, frames: Sequence[FrameFacts]) -> dict[str, Any]:
         """Return the counts as plain numbers for reports (docs/reference/report-schema.md)."""
@@ -100,9 +101,7 @@ class ReferenceStructure:
             "share_to_previous": _finite(self.share_to_previous),
             "inter_area_share": _finite(self.inter_area_share),
             "median_vectors_per_frame": (
-                float(np.median(list(self._vectors_per_frame.values())))
-                if self._vectors_per_frame
-                else 0.0
+                float(np.median(list(self.vectors_per_frame.values()))) if self._per_frame else 0.0
             ),
         }
 

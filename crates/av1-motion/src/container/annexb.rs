@@ -5,6 +5,7 @@ use std::io::Read;
 use crate::bits::BitReader;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use crate::memory;
 use crate::obu::header::ObuHeader;
 
 use super::Unit;
@@ -39,7 +40,9 @@ pub(super) fn next_unit<R: Read>(source: &mut Source<R>, limits: &Limits) -> Res
 
 /// The OBUs of a temporal unit in the low-overhead format.
 fn add_size_fields(unit: &[u8], byte_offset: u64) -> Result<Vec<u8>> {
-    let mut normalized = Vec::with_capacity(unit.len() + unit.len() / 16);
+    // The result is no longer: sizes of frame units go, and a size field replaces `obu_length`.
+    let mut normalized = Vec::new();
+    memory::reserve(&mut normalized, unit.len())?;
     let mut rest = unit;
     while !rest.is_empty() {
         let offset = byte_offset + (unit.len() - rest.len()) as u64;

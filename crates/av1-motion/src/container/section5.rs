@@ -5,6 +5,7 @@ use std::io::Read;
 use crate::bits::BitReader;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use crate::memory;
 use crate::obu::header::{ObuHeader, ObuType};
 
 use super::Unit;
@@ -22,7 +23,9 @@ pub(super) fn next_unit<R: Read>(source: &mut Source<R>, limits: &Limits) -> Res
             break;
         }
         limits.check_unit_bytes(data.len() as u64 + next.bytes)?;
-        data.append(&mut source.take(next.bytes, "5.3.1", "an OBU")?);
+        let obu = source.take(next.bytes, "5.3.1", "an OBU")?;
+        memory::reserve(&mut data, obu.len())?;
+        data.extend_from_slice(&obu);
     }
     if data.is_empty() {
         return Ok(None);

@@ -3,6 +3,7 @@
 use std::io::Read;
 
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Smallest amount asked of the reader at once.
 const CHUNK: usize = 64 << 10;
@@ -48,17 +49,26 @@ impl<R: Read> Source<R> {
         what: &'static str,
     ) -> Result<Vec<u8>> {
         let wanted = usize::try_from(count).unwrap_or(usize::MAX);
-        self.fetch(wanted)?;
-        let available = &self.buffer[self.consumed..];
-        if available.len() < wanted {
+        let buffered = &self.buffer[self.consumed..];
+        let buffered = &buffered[..wanted.min(buffered.len())];
+        let mut bytes = memory::copied(buffered)?;
+        self.consumed += bytes.len();
+        // What is not in the window yet goes past it. Memory grows with what the stream delivers.
+        let missing = (wanted - bytes.len()) as u64;
+        let mut limited = self.reader.by_ref().take(missing);
+        if missing > 0 {
+            limited.read_to_end(&mut bytes)?;
+        }
+        if bytes.len() < wanted {
             let reason = format!(
                 "the file ends inside {what}: {count} bytes are needed, {} are there",
-                available.len()
+                bytes.len()
             );
+            // The window is empty: they stay there to be read.
+            (self.buffer, self.consumed) = (bytes, 0);
             return Err(Error::malformed(section, self.position, reason));
         }
-        let bytes = available[..wanted].to_vec();
-        self.skip(wanted);
+        self.position += count;
         Ok(bytes)
     }
 

@@ -5,6 +5,8 @@
 
 use super::global::round2_signed;
 use super::storage::SavedMotionBands;
+use crate::frame::ContextError;
+use crate::memory::filled;
 use crate::motion::MotionVector;
 use crate::obu::frame_header::{FrameHeader, FrameType};
 use crate::obu::sequence_header::SequenceHeader;
@@ -47,10 +49,6 @@ pub(crate) struct ProjectionSource<'a> {
     pub(crate) motion: Option<&'a SavedMotionBands>,
 }
 
-/// Vectors that have to be projected were lost with the tiles of their frame.
-#[derive(Debug)]
-pub(crate) struct LostMotion;
-
 impl ProjectedMotion {
     /// The vector of a cell, unless it is a hole.
     #[inline]
@@ -62,18 +60,18 @@ impl ProjectedMotion {
     /// §7.9.1 `motion_field_estimation`; `source` gives the frame behind a reference name.
     ///
     /// # Errors
-    /// [`LostMotion`] when a source that must be projected was lost.
+    /// [`ContextError::LostMotion`] when a source that must be projected was lost.
     pub(crate) fn estimate<'a>(
         sequence: &SequenceHeader,
         header: &FrameHeader,
         source: impl Fn(i8) -> ProjectionSource<'a>,
-    ) -> Result<Self, LostMotion> {
+    ) -> Result<Self, ContextError> {
         let (rows, cols) = (
             header.size.mi_rows as usize >> 1,
             header.size.mi_cols as usize >> 1,
         );
         let mut field = Self {
-            cells: vec![ProjectedVector::default(); rows * cols],
+            cells: filled(ProjectedVector::default(), rows * cols)?,
             cols,
         };
         let hints = &header.order_hints;
@@ -108,7 +106,7 @@ impl ProjectedMotion {
         source: &ProjectionSource,
         name: i8,
         sign: i32,
-    ) -> Result<bool, LostMotion> {
+    ) -> Result<bool, ContextError> {
         let size = &header.size;
         if source.mi_rows != size.mi_rows
             || source.mi_cols != size.mi_cols
@@ -116,7 +114,7 @@ impl ProjectedMotion {
         {
             return Ok(false);
         }
-        let motion = source.motion.ok_or(LostMotion)?;
+        let motion = source.motion.ok_or(ContextError::LostMotion)?;
         let hint = header.order_hints[name as usize];
         let to_current = sequence.relative_dist(hint, header.order_hint);
         let distances = source

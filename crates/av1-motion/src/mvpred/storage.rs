@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::memory::{OutOfMemory, filled, shared};
 use crate::motion::MotionVector;
 use crate::tables::symbols::{INTRA_FRAME, REFMVS_LIMIT};
 use crate::tile::{Block, FrameContext};
@@ -20,7 +21,7 @@ pub(crate) struct SavedMotion {
 #[derive(Clone, Debug)]
 pub(crate) struct SavedMotionBands {
     /// Records of each band in raster order, `cols` to a row.
-    bands: Vec<Arc<[SavedMotion]>>,
+    bands: Vec<Arc<Vec<SavedMotion>>>,
     cols: usize,
 }
 
@@ -42,14 +43,14 @@ pub(crate) struct SavedMotionBuilder {
 }
 
 impl SavedMotionBuilder {
-    pub(crate) fn new(frame: &FrameContext) -> Self {
+    pub(crate) fn new(frame: &FrameContext) -> Result<Self, OutOfMemory> {
         let size = &frame.header.size;
         let (rows, cols) = (size.mi_rows as usize >> 1, size.mi_cols as usize >> 1);
-        Self {
-            records: vec![SavedMotion::default(); rows * cols],
+        Ok(Self {
+            records: filled(SavedMotion::default(), rows * cols)?,
             cols,
             rows,
-        }
+        })
     }
 
     /// Saves the motion of a block in the 8x8 cells whose odd row and column it covers.
@@ -67,16 +68,12 @@ impl SavedMotionBuilder {
         }
     }
 
-    pub(crate) fn finish(self) -> SavedMotionBands {
-        let bands = self
-            .records
-            .chunks((BAND_ROWS * self.cols).max(1))
-            .map(Arc::from)
-            .collect();
-        SavedMotionBands {
-            bands,
+    pub(crate) fn finish(self) -> Result<SavedMotionBands, OutOfMemory> {
+        let bands = self.records.chunks((BAND_ROWS * self.cols).max(1));
+        Ok(SavedMotionBands {
+            bands: bands.map(shared).collect::<Result<_, _>>()?,
             cols: self.cols,
-        }
+        })
     }
 }
 

@@ -126,6 +126,16 @@ impl<'a> ObuIterator<'a> {
         }
     }
 
+    /// Begins at `position`, where an OBU starts.
+    pub(crate) fn starting_at(self, position: usize) -> Self {
+        Self { position, ..self }
+    }
+
+    /// The end of the last OBU, or of the data after an error.
+    pub(crate) fn position(&self) -> usize {
+        self.position
+    }
+
     fn read(&mut self) -> Result<Obu> {
         let byte_offset = self.base_offset + self.position as u64;
         let rest = &self.data[self.position..];

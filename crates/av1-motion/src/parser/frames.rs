@@ -6,12 +6,13 @@ use super::Parser;
 use crate::entropy::cdf::ResetCounters;
 use crate::entropy::cdf_set::CdfSet;
 use crate::error::{Error, Result};
-use crate::frame::{FrameContent, FrameState, FrameStates};
+use crate::frame::{ContextError, FrameContent, FrameState, FrameStates};
+use crate::memory;
 use crate::motion::{Frame, Reference};
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::header::{Obu, ObuHeader};
 use crate::obu::sequence_header::SequenceHeader;
-use crate::tile::{CoefficientStats, FrameContext, TileOutput};
+use crate::tile::{Block, CoefficientStats, FrameContext, TileOutput};
 
 /// A frame whose header could be read, but not its tiles.
 pub(super) struct LostFrame {
@@ -31,6 +32,58 @@ pub(super) struct CurrentFrame {
     /// Those of the tile `context_update_tile_id` at its end.
     pub(super) saved_cdfs: Option<Box<CdfSet>>,
     pub(super) tiles: Vec<TileOutput>,
+}
+
+/// The blocks of a frame with their local models, and its coefficient statistics.
+pub(super) struct FrameBlocks {
+    blocks: Vec<Block>,
+    warps: Vec<[i32; 6]>,
+    stats: [CoefficientStats; 3],
+}
+
+impl CurrentFrame {
+    /// §7.20: what the tiles leave in a reference slot.
+    pub(super) fn content(&mut self) -> Result<FrameContent> {
+        let cdfs = match self.saved_cdfs.take() {
+            Some(mut cdfs) => {
+                cdfs.reset_counters();
+                Arc::from(cdfs)
+            }
+            None => self.cdfs.clone(),
+        };
+        Ok(FrameContent {
+            cdfs,
+            segment_ids: self.context.segment_map(&self.tiles)?,
+            motion: self.context.saved_motion(&self.tiles)?,
+        })
+    }
+
+    /// Takes the blocks out of the tiles.
+    pub(super) fn join_tiles(&mut self) -> Result<FrameBlocks> {
+        let (mut blocks, mut warps) = (Vec::new(), Vec::new());
+        let mut stats = [CoefficientStats::default(); 3];
+        if let [tile] = &mut self.tiles[..] {
+            blocks = std::mem::take(&mut tile.blocks);
+            warps = std::mem::take(&mut tile.warps);
+        }
+        memory::reserve(&mut blocks, self.tiles.iter().map(|t| t.blocks.len()).sum())?;
+        memory::reserve(&mut warps, self.tiles.iter().map(|t| t.warps.len()).sum())?;
+        for tile in &mut self.tiles {
+            for block in &mut tile.blocks {
+                block.offset_warp(warps.len() as u32);
+            }
+            warps.append(&mut tile.warps);
+            blocks.append(&mut tile.blocks);
+            for (sum, counts) in stats.iter_mut().zip(tile.stats) {
+                *sum = sum.plus(&counts);
+            }
+        }
+        Ok(FrameBlocks {
+            blocks,
+            warps,
+            stats,
+        })
+    }
 }
 
 impl Parser {
@@ -60,8 +113,12 @@ impl Parser {
             || Arc::new(CdfSet::defaults(header.quantization.base_q_idx)),
             |content| content.cdfs.clone(),
         );
-        let context = FrameContext::new(sequence, header, &self.slots, &self.states, primary)
-            .map_err(|_| missing("vectors of a lost frame are needed", "7.9.2"))?;
+        let mut context = FrameContext::new(sequence, header, &self.slots, &self.states, primary)
+            .map_err(|error| match error {
+            ContextError::LostMotion => missing("vectors of a lost frame are needed", "7.9.2"),
+            ContextError::OutOfMemory(error) => error.into(),
+        })?;
+        context.interrupt = self.interrupt.clone();
         let references = if header.frame_is_intra {
             [None; 7]
         } else {
@@ -86,21 +143,14 @@ impl Parser {
     }
 
     /// §7.4 `decode_frame_wrapup` of a decoded frame.
-    pub(super) fn finish_frame(&mut self, current: CurrentFrame) -> Frame {
+    pub(super) fn finish_frame(
+        &mut self,
+        current: CurrentFrame,
+        content: FrameContent,
+        joined: FrameBlocks,
+    ) -> Frame {
         let CurrentFrame { context, .. } = current;
         let header = context.header.clone();
-        let cdfs = match current.saved_cdfs {
-            Some(mut cdfs) => {
-                cdfs.reset_counters();
-                Arc::from(cdfs)
-            }
-            None => current.cdfs,
-        };
-        let content = FrameContent {
-            cdfs,
-            segment_ids: context.segment_map(&current.tiles),
-            motion: context.saved_motion(&current.tiles),
-        };
         let state = Arc::new(FrameState {
             decode_index: self.num_decoded,
             display_index: current.display_index,
@@ -108,22 +158,6 @@ impl Parser {
         });
         self.refresh(&header, &context.sequence, &state);
         self.num_decoded += 1;
-        let (mut blocks, mut warps) = (Vec::new(), Vec::new());
-        let mut totals = [CoefficientStats::default(); 3];
-        for mut tile in current.tiles {
-            for block in &mut tile.blocks {
-                block.offset_warp(warps.len() as u32);
-            }
-            warps.append(&mut tile.warps);
-            if blocks.is_empty() {
-                blocks = tile.blocks;
-            } else {
-                blocks.append(&mut tile.blocks);
-            }
-            for (sum, counts) in totals.iter_mut().zip(tile.stats) {
-                *sum = sum.plus(&counts);
-            }
-        }
         Frame {
             decode_index: state.decode_index,
             display_index: state.display_index,
@@ -134,9 +168,9 @@ impl Parser {
             is_scaled: context.is_scaled,
             header,
             sequence: context.sequence,
-            blocks,
-            warps,
-            stats: totals,
+            blocks: joined.blocks,
+            warps: joined.warps,
+            stats: joined.stats,
         }
     }
 

@@ -1,6 +1,8 @@
 //! §7.1 Decoding process: units in, frames out. Owns the eight reference slots.
 
 mod frames;
+#[cfg(fuzzing)]
+pub mod fuzzing;
 
 use std::sync::Arc;
 
@@ -8,7 +10,8 @@ use crate::bits::BitReader;
 use crate::display::DisplayOrder;
 use crate::error::{Error, Result};
 use crate::frame::FrameStates;
-use crate::limits::Limits;
+use crate::interrupt::Interrupt;
+use crate::limits::{Limits, Work};
 use crate::motion::Frame;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::header::{Obu, ObuIterator, ObuType};
@@ -49,6 +52,9 @@ pub struct Parser {
     current: Option<CurrentFrame>,
     /// The frame that an error on its way to the caller is about.
     lost: Option<LostFrame>,
+    /// What was read so far, for the limits.
+    work: Work,
+    interrupt: Interrupt,
     /// Tile groups belong to a frame that is lost already.
     skips_tiles: bool,
 }
@@ -57,11 +63,27 @@ pub struct Parser {
 #[derive(Default)]
 struct Unit {
     data: Vec<u8>,
-    /// OBUs not read yet, last first.
-    obus: Vec<Obu>,
-    /// What stops the unit after the last of `obus`.
-    error: Option<Error>,
+    /// Bytes of `data` that were read.
+    position: usize,
+    /// Where `data` starts in the file.
+    byte_offset: u64,
+    /// OBUs read so far.
+    num_obus: u64,
 }
+
+impl Unit {
+    /// The next OBU, and the position behind it. Units are walked as they are read: a list of OBUs
+    /// could be many times as large as the bytes.
+    fn peek(&self) -> Option<(Result<Obu>, usize)> {
+        let obus = ObuIterator::new(&self.data, self.byte_offset);
+        let mut obus = obus.starting_at(self.position);
+        let obu = obus.next()?;
+        Some((obu, obus.position()))
+    }
+}
+
+/// OBUs between two questions whether to stop.
+const OBUS_PER_QUESTION: u64 = 1024;
 
 impl Parser {
     /// A parser at the start of a stream.
@@ -77,17 +99,20 @@ impl Parser {
     /// low-overhead format. `byte_offset` is where the bytes start in the file, for error messages.
     /// OBUs of the unit before that [`Parser::next_frame`] was not asked for are dropped.
     pub fn push(&mut self, data: Vec<u8>, byte_offset: u64) {
-        let mut unit = Unit::default();
-        for obu in ObuIterator::new(&data, byte_offset) {
-            match obu {
-                Ok(obu) => unit.obus.push(obu),
-                Err(error) => unit.error = Some(error),
-            }
-        }
-        unit.obus.reverse();
-        unit.data = data;
-        self.unit = unit;
+        self.unit = Unit {
+            data,
+            byte_offset,
+            ..Unit::default()
+        };
         self.num_units += 1;
+        self.work.begin_unit();
+    }
+
+    /// Lets `should_stop` end the reading of a frame with [`Error::Interrupted`]. It is asked every
+    /// few superblocks, some thousand times a second, and has to be quick. An interrupted frame is
+    /// lost as if it were damaged.
+    pub fn interrupt_when(&mut self, should_stop: impl Fn() -> bool + Send + Sync + 'static) {
+        self.interrupt = Interrupt::new(should_stop);
     }
 
     /// The next frame of the unit, or nothing when a further unit is needed.
@@ -98,13 +123,15 @@ impl Parser {
     /// references, probabilities, segments, saved vectors) is intact, and gives
     /// [`Error::MissingReference`] until then. Nothing is guessed.
     pub fn next_frame(&mut self) -> Result<Option<Frame>> {
-        while let Some(obu) = self.unit.obus.pop() {
-            if self.current.is_some() && begins_anew(obu.header.obu_type) {
-                let error = self.incomplete(obu.byte_offset);
-                self.unit.obus.push(obu);
-                return error.map_or(Ok(None), Err);
+        while let Some((obu, end)) = self.unit.peek() {
+            if let Ok(obu) = &obu
+                && self.current.is_some()
+                && begins_anew(obu.header.obu_type)
+            {
+                return self.incomplete(obu.byte_offset).map_or(Ok(None), Err);
             }
-            match self.read_obu(&obu) {
+            self.unit.position = end;
+            match obu.and_then(|obu| self.read_obu(&obu)) {
                 Ok(None) => {}
                 Ok(frame) => return Ok(frame),
                 Err(error) => {
@@ -113,13 +140,7 @@ impl Parser {
                 }
             }
         }
-        match self.unit.error.take() {
-            Some(error) => {
-                self.lose();
-                Err(error)
-            }
-            None => Ok(None),
-        }
+        Ok(None)
     }
 
     /// To be called after the last unit.
@@ -143,6 +164,10 @@ impl Parser {
     }
 
     fn read_obu(&mut self, obu: &Obu) -> Result<Option<Frame>> {
+        self.unit.num_obus += 1;
+        if self.unit.num_obus.is_multiple_of(OBUS_PER_QUESTION) && self.interrupt.is_raised() {
+            return Err(Error::Interrupted);
+        }
         let header = obu.header;
         let is_layered = !matches!(
             header.obu_type,
@@ -191,6 +216,7 @@ impl Parser {
     /// an earlier one is shown.
     fn read_frame_header(&mut self, obu: &Obu) -> Result<(usize, Option<Frame>)> {
         self.skips_tiles = false;
+        self.work.add_header(&self.limits)?;
         let payload = &self.unit.data[obu.payload.clone()];
         let mut reader = BitReader::new(payload, obu.byte_offset);
         let Some(sequence) = self.sequence.clone() else {
@@ -232,6 +258,8 @@ impl Parser {
                 maximum,
             });
         }
+        let (width, height) = (header.size.upscaled_width, header.size.frame_height);
+        self.work.add_frame(width, height, &self.limits)?;
         let length = reader.position() / 8;
         let display_index = self.display.place(&sequence, &header);
         match self.start_frame(obu, &sequence, &header, display_index) {
@@ -265,27 +293,28 @@ impl Parser {
             let bounds = tile_bounds(&header, tile.tile_num);
             let cdfs = Box::new((*current.cdfs).clone());
             let start = byte_offset + tile.range.start as u64;
-            let output =
-                TileDecoder::new(&current.context, bounds, &data[tile.range.clone()], cdfs)
+            let mut output =
+                TileDecoder::new(&current.context, bounds, &data[tile.range.clone()], cdfs)?
                     .decode();
-            if let Some(error) = output.error {
-                let reason = format!("{} (tile {})", error.reason, tile.tile_num);
-                return Err(Error::malformed(error.section, start, reason));
+            if let Some(stop) = output.error {
+                return Err(stop.into_error(tile.tile_num, start));
             }
+            // Only one tile's are kept: those of thousands of small tiles weigh more than the rest.
+            let cdfs = output.cdfs.take();
             if tile.tile_num == header.tile_info.context_update_tile_id
                 && !header.disable_frame_end_update_cdf
             {
-                current.saved_cdfs = Some(output.cdfs.clone());
+                current.saved_cdfs = cdfs;
             }
             current.tiles.push(output);
         }
         if !group.is_last(&header.tile_info) {
             return Ok(None);
         }
-        Ok(self
-            .current
-            .take()
-            .map(|current| self.finish_frame(current)))
+        let content = current.content()?;
+        let blocks = current.join_tiles()?;
+        let frame = self.current.take();
+        Ok(frame.map(|current| self.finish_frame(current, content, blocks)))
     }
 }
 

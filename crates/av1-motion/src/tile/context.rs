@@ -1,6 +1,7 @@
 //! §6.10.3: the arrays above and left of a block that probabilities are chosen by.
 
 use super::{Block, TileBounds};
+use crate::memory::{OutOfMemory, filled};
 
 /// Marks a cell that no block of this frame covers yet.
 pub(crate) const NOT_DECODED: u32 = u32::MAX;
@@ -20,17 +21,17 @@ pub(crate) struct TileGrid {
 }
 
 impl TileGrid {
-    pub(super) fn new(bounds: &TileBounds) -> Self {
+    pub(super) fn new(bounds: &TileBounds) -> Result<Self, OutOfMemory> {
         let cells = bounds.rows() * bounds.cols();
-        Self {
+        Ok(Self {
             mi_row_start: bounds.mi_row_start,
             mi_col_start: bounds.mi_col_start,
             cols: bounds.cols(),
             rows: bounds.rows(),
-            block_index: vec![NOT_DECODED; cells],
-            tx_size: vec![0; cells],
-            tx_type: vec![0; cells],
-        }
+            block_index: filled(NOT_DECODED, cells)?,
+            tx_size: filled(0, cells)?,
+            tx_type: filled(0, cells)?,
+        })
     }
 
     /// Position of a cell in the arrays.
@@ -103,13 +104,15 @@ pub(super) struct AboveContext {
 
 impl AboveContext {
     /// Blocks overhang the tile by less than one superblock.
-    pub(super) fn new(cols: usize) -> Self {
+    pub(super) fn new(cols: usize) -> Result<Self, OutOfMemory> {
         let cells = cols + 32;
-        Self {
-            coefficients: std::array::from_fn(|_| vec![0; cells]),
-            segment_predicted: vec![0; cells],
-            palette: std::array::from_fn(|_| vec![[0; 8]; cells]),
-        }
+        let coefficients = || filled(0, cells);
+        let palette = || filled([0; 8], cells);
+        Ok(Self {
+            coefficients: [coefficients()?, coefficients()?, coefficients()?],
+            segment_predicted: filled(0, cells)?,
+            palette: [palette()?, palette()?],
+        })
     }
 }
 

@@ -27,6 +27,9 @@ use context::{AboveContext, LeftContext, TileGrid};
 
 use crate::entropy::cdf_set::CdfSet;
 use crate::entropy::symbol::SymbolDecoder;
+use crate::error::Error;
+use crate::interrupt::Interrupt;
+use crate::memory::{self, OutOfMemory};
 use crate::mvpred::projection::ProjectedMotion;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
@@ -41,6 +44,42 @@ pub(crate) struct TileError {
     pub(crate) reason: &'static str,
 }
 
+/// Why a tile was not read to its end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TileStop {
+    Damage(TileError),
+    OutOfMemory(OutOfMemory),
+    Interrupted,
+}
+
+impl From<TileError> for TileStop {
+    fn from(error: TileError) -> Self {
+        Self::Damage(error)
+    }
+}
+
+impl From<OutOfMemory> for TileStop {
+    fn from(error: OutOfMemory) -> Self {
+        Self::OutOfMemory(error)
+    }
+}
+
+impl TileStop {
+    /// The same for the caller of the parser.
+    pub(crate) fn into_error(self, tile_num: u32, byte_offset: u64) -> Error {
+        match self {
+            Self::Damage(TileError { section, reason }) => {
+                Error::malformed(section, byte_offset, format!("{reason} (tile {tile_num})"))
+            }
+            Self::OutOfMemory(error) => error.into(),
+            Self::Interrupted => Error::Interrupted,
+        }
+    }
+}
+
+/// Superblocks between two questions whether to stop.
+const SUPERBLOCKS_PER_QUESTION: usize = 16;
+
 pub(crate) type TileResult<T> = std::result::Result<T, TileError>;
 
 /// What all tiles of a frame share.
@@ -48,7 +87,7 @@ pub(crate) struct FrameContext {
     pub(crate) sequence: Arc<SequenceHeader>,
     pub(crate) header: Arc<FrameHeader>,
     /// `PrevSegmentIds`, `MiRows * MiCols`; zeros when absent.
-    pub(crate) prev_segment_ids: Option<Arc<[u8]>>,
+    pub(crate) prev_segment_ids: Option<Arc<Vec<u8>>>,
     /// §7.9: present when `use_ref_frame_mvs` is 1.
     pub(crate) projected_motion: Option<ProjectedMotion>,
     /// `is_scaled` by reference name.
@@ -59,6 +98,8 @@ pub(crate) struct FrameContext {
     pub(crate) ref_is_past: [bool; 8],
     /// §5.11.47: whether `TxType` is coded, by segment.
     pub(crate) codes_tx_type: [bool; 8],
+    /// Asked while tiles are read.
+    pub(crate) interrupt: Interrupt,
 }
 
 /// Position of a tile in units of 4x4 luma samples.
@@ -142,9 +183,9 @@ pub(crate) struct TileOutput {
     pub(crate) warps: Vec<[i32; 6]>,
     pub(crate) stats: [CoefficientStats; 3],
     /// The probabilities at the end of the tile.
-    pub(crate) cdfs: Box<CdfSet>,
-    /// Set when the tile's data is wrong; `blocks` then ends before the damage.
-    pub(crate) error: Option<TileError>,
+    pub(crate) cdfs: Option<Box<CdfSet>>,
+    /// Set when the tile was not read to its end; `blocks` then ends before the damage.
+    pub(crate) error: Option<TileStop>,
 }
 
 /// §5.11.2: the state of one tile.
@@ -178,16 +219,16 @@ impl<'a> TileDecoder<'a> {
         bounds: TileBounds,
         data: &'a [u8],
         cdfs: Box<CdfSet>,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, OutOfMemory> {
+        Ok(Self {
             frame,
             bounds,
             symbols: SymbolDecoder::new(data, !frame.header.disable_cdf_update),
             cdfs,
             blocks: Vec::new(),
-            grid: TileGrid::new(&bounds),
+            grid: TileGrid::new(&bounds)?,
             warps: Vec::new(),
-            above: AboveContext::new(bounds.cols()),
+            above: AboveContext::new(bounds.cols())?,
             left: LeftContext::new(),
             current_q_index: frame.header.quantization.base_q_idx,
             delta_lf: [0; 4],
@@ -197,7 +238,7 @@ impl<'a> TileDecoder<'a> {
             stats: [CoefficientStats::default(); 3],
             scratch: Box::default(),
             palette: Box::default(),
-        }
+        })
     }
 
     /// §5.11.2 `decode_tile`, followed by §8.2.4 `exit_symbol`.
@@ -207,12 +248,12 @@ impl<'a> TileDecoder<'a> {
             blocks: self.blocks,
             warps: self.warps,
             stats: self.stats,
-            cdfs: self.cdfs,
+            cdfs: Some(self.cdfs),
             error,
         }
     }
 
-    fn decode_superblocks(&mut self) -> TileResult<()> {
+    fn decode_superblocks(&mut self) -> Result<(), TileStop> {
         let is_128 = self.frame.sequence.use_128x128_superblock;
         let (size, step) = if is_128 {
             (BLOCK_128X128, 32)
@@ -222,23 +263,40 @@ impl<'a> TileDecoder<'a> {
         for mi_row in (self.bounds.mi_row_start..self.bounds.mi_row_end).step_by(step) {
             self.left.clear();
             for mi_col in (self.bounds.mi_col_start..self.bounds.mi_col_end).step_by(step) {
+                self.prepare_superblock(mi_col, step)?;
                 self.read_deltas = self.frame.header.delta_q_present;
                 self.cdef_is_read = [false; 4];
                 self.read_lr(mi_row, mi_col, size);
                 self.decode_partition(mi_row, mi_col, size)?;
                 if self.symbols.is_overrun() {
                     let reason = "a tile needs more bits than it has";
-                    return Err(TileError {
+                    return Err(TileStop::Damage(TileError {
                         section: "8.2.4",
                         reason,
-                    });
+                    }));
                 }
             }
         }
-        self.symbols.finish().map_err(|reason| TileError {
-            section: "8.2.4",
-            reason,
+        self.symbols.finish().map_err(|reason| {
+            TileStop::Damage(TileError {
+                section: "8.2.4",
+                reason,
+            })
         })
+    }
+
+    /// Asks from time to time whether to stop, and makes room for all blocks of a superblock, so that
+    /// none of them has to ask.
+    #[inline]
+    fn prepare_superblock(&mut self, mi_col: u32, step: usize) -> Result<(), TileStop> {
+        let number = self.bounds.col(mi_col) / step;
+        if number.is_multiple_of(SUPERBLOCKS_PER_QUESTION) && self.frame.interrupt.is_raised() {
+            return Err(TileStop::Interrupted);
+        }
+        memory::reserve(&mut self.blocks, step * step)?;
+        // §5.11.27: only blocks of at least 8x8 have a local model.
+        memory::reserve(&mut self.warps, step * step / 4)?;
+        Ok(())
     }
 
     /// The block that covers a cell of the tile that is already decoded.
