@@ -123,6 +123,20 @@ def test_a_focal_length_that_is_two_percent_off_is_corrected_unless_it_is_fixed(
     assert fixed.focal_length_x == 1.02 * FOCAL
 
 
+def test_a_model_whose_focal_length_was_corrected_is_checked_with_the_corrected_one(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    path = database(tmp_path, tracks, camera=camera(1.04 * FOCAL))
+    # Pairs measured with the wrong focal length are 0.4 degrees off, with the corrected one 0.02.
+    strict = AcceptanceOptions(max_rotation_error=0.1, max_direction_error=0.5)
+    result = reconstruct(path, tmp_path / "sfm", options=MapperOptions(acceptance=strict))
+
+    assert result.accepted
+    assert len(result.attempts) == 1
+    old = check_model(result.reconstruction, read_evidence(path), strict)
+    assert any("contradicts" in reason for reason in old.reasons)
+
+
 def test_a_guessed_focal_length_is_refined(tmp_path):
     sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
     tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
