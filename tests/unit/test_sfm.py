@@ -9,6 +9,7 @@ from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
+from mvmatch.sfm.adjust import adjust
 from mvmatch.sfm.checks import check_model, weakest_joint
 from mvmatch.sfm.evidence import read_evidence
 from mvmatch.types import Tracks
@@ -121,6 +122,32 @@ def test_a_focal_length_that_is_two_percent_off_is_corrected_unless_it_is_fixed(
     assert corrected.model_name == "PINHOLE"
     assert corrected.focal_length_x == pytest.approx(FOCAL, rel=0.008)
     assert fixed.focal_length_x == 1.02 * FOCAL
+
+
+def test_a_model_whose_focal_length_was_corrected_is_checked_with_the_corrected_one(tmp_path):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
+    path = database(tmp_path, tracks, camera=camera(1.04 * FOCAL))
+    # Pairs measured with the wrong focal length are 0.4 degrees off, with the corrected one 0.02.
+    strict = AcceptanceOptions(max_rotation_error=0.1, max_direction_error=0.5)
+    result = reconstruct(path, tmp_path / "sfm", options=MapperOptions(acceptance=strict))
+
+    assert result.accepted
+    assert len(result.attempts) == 1
+    old = check_model(result.reconstruction, read_evidence(path), strict)
+    assert any("contradicts" in reason for reason in old.reasons)
+
+
+def test_a_point_that_slipped_behind_the_cameras_is_left_out(forward):
+    _, result = forward
+    model = pycolmap.Reconstruction(result.reconstruction)
+    lost = min(model.point3D_ids())
+    model.point3D(lost).xyz = model.image(1).projection_center() - np.array([0, 0, 0.01])
+    adjust(model, MapperOptions())
+
+    assert not model.exists_point3D(lost)
+    assert model.num_points3D() == result.num_points - 1
+    assert model.compute_mean_reprojection_error() < 0.4
 
 
 def test_a_guessed_focal_length_is_refined(tmp_path):

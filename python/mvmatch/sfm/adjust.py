@@ -34,10 +34,14 @@ def adjust(
     float
         Final cost: half the sum of the robust squared residuals, px^2.
     """
+    import pycolmap
+
     adjustment = _adjustment(options)
     adjustment.refine_focal_length = refine != "nothing"
     adjustment.refine_extra_params = refine == "intrinsics"
     cost = _solve(model, adjustment)
+    # COLMAP's residual of a point behind the camera is zero: nothing in the solver keeps it out.
+    pycolmap.ObservationManager(model).filter_observations_with_negative_depth()
     model.update_point_3d_errors()
     return cost
 

@@ -18,7 +18,7 @@ from mvmatch.geometry.sampson import homography_error
 from mvmatch.geometry.two_view import fit_pair
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     import pycolmap
@@ -74,8 +74,13 @@ class Evidence:
     pairs: tuple[PairEvidence, ...]
     num_observations: int
     """Keypoints that have a verified match."""
-    has_prior_focal_length: bool
-    """Whether the cameras are known rather than guessed."""
+    cameras: Mapping[int, pycolmap.Camera]
+    """What the motion was measured with: another camera measures another one."""
+
+    @property
+    def has_prior_focal_length(self) -> bool:
+        """Whether the cameras are known rather than guessed."""
+        return all(camera.has_prior_focal_length for camera in self.cameras.values())
 
     def strongest(self, count: int) -> list[PairEvidence]:
         """Return the strongest pairs, spread over the images.
@@ -94,15 +99,17 @@ class Evidence:
         return chosen
 
 
-def read_evidence(database_path: Path, *, refit: bool = False) -> Evidence:
+def read_evidence(
+    database_path: Path, *, cameras: Mapping[int, pycolmap.Camera] | None = None
+) -> Evidence:
     """Measure the relative motion of a database's verified image pairs.
 
     Parameters
     ----------
     database_path : Path
         COLMAP database with two-view geometries.
-    refit : bool
-        Fit every pair anew, because the cameras changed since the geometries were written.
+    cameras : Mapping, optional
+        Cameras by id that replace those the geometries were written with: pairs are fitted anew.
 
     Returns
     -------
@@ -113,7 +120,7 @@ def read_evidence(database_path: Path, *, refit: bool = False) -> Evidence:
 
     with pycolmap.Database.open(database_path) as database:
         images = {image.image_id: image for image in database.read_all_images()}
-        cameras = {camera.camera_id: camera for camera in database.read_all_cameras()}
+        known = {camera.camera_id: camera for camera in database.read_all_cameras()}
         pair_ids, geometries = database.read_two_view_geometries()
         keypoints = {
             image_id: np.asarray(database.read_keypoints(image_id), np.float64)[:, :2]
@@ -129,9 +136,11 @@ def read_evidence(database_path: Path, *, refit: bool = False) -> Evidence:
         if len(inliers) >= MIN_INLIERS:
             usable.append((ids, geometry))
     usable.sort(key=lambda item: item[0])
+    refit = cameras is not None
+    measured = dict(cameras) if refit else known
     pairs: list[PairEvidence] = []
     for ids, geometry in _even_selection(usable, MAX_REFITTED_PAIRS if refit else MAX_PAIRS):
-        views = [cameras[images[image_id].camera_id] for image_id in ids]
+        views = [measured[images[image_id].camera_id] for image_id in ids]
         inliers = geometry.inlier_matches
         points = [keypoints[ids[side]][inliers[:, side]] for side in (0, 1)]
         pair = _measure(ids, points, views, None if refit else geometry)
@@ -141,7 +150,7 @@ def read_evidence(database_path: Path, *, refit: bool = False) -> Evidence:
         num_images=len(images),
         pairs=tuple(pairs),
         num_observations=int(sum(int(mask.sum()) for mask in matched.values())),
-        has_prior_focal_length=all(camera.has_prior_focal_length for camera in cameras.values()),
+        cameras=measured,
     )
 
 

@@ -276,8 +276,10 @@ class _Run:
     def _checked(self, model: pycolmap.Reconstruction | None) -> ModelCheck | None:
         if model is None:
             return None
-        # The relative motion of pairs depends on the camera: a refined one needs new evidence.
-        evidence = read_evidence(self._database, refit=True) if self._refine else self._evidence
+        evidence, cameras = self._evidence, dict(model.cameras)
+        if cameras != evidence.cameras:
+            # Pairs measured with the old camera contradict what the new one put right.
+            evidence = read_evidence(self._database, cameras=cameras)
         return check_model(model, evidence, self._options.acceptance)
 
 
