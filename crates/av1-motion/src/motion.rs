@@ -9,6 +9,7 @@ use crate::tables::symbols::{
     GLOBAL_GLOBALMV, GLOBALMV, LOCALWARP, OBMC, TRANSLATION, WARPEDMODEL_PREC_BITS,
 };
 use crate::tile::{Block, CoefficientStats, NO_WARP};
+use crate::trace::FrameTraceState;
 use crate::warp::is_shear_valid;
 
 /// A motion vector in the specification's order and unit: 1/8 luma sample, from the current frame to
@@ -82,6 +83,10 @@ pub struct Frame {
     pub(crate) warps: Vec<[i32; 6]>,
     pub(crate) stats: [CoefficientStats; 3],
     pub(crate) is_scaled: [bool; 8],
+    /// `RefUpscaledWidth` and `RefFrameHeight`, by reference name.
+    pub(crate) ref_size: [[u32; 2]; 8],
+    #[cfg_attr(not(feature = "trace"), expect(dead_code, reason = "empty"))]
+    pub(crate) trace: FrameTraceState,
 }
 
 /// The motion of one block towards one reference, in px of the shown picture; x to the right, y

@@ -7,12 +7,15 @@
 use pyo3::prelude::*;
 
 mod av1;
+mod coded_frame;
 mod tracks;
 
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use super::av1::{Av1Parser, CodedFrame, PyContainerReader};
+    use super::av1::{Av1Parser, PyContainerReader};
+    #[pymodule_export]
+    use super::coded_frame::CodedFrame;
     #[pymodule_export]
     use super::tracks::{TrackLinker, fit_neighbors};
 }

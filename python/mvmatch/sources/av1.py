@@ -10,6 +10,7 @@ import numpy as np
 from mvmatch import _core
 from mvmatch.errors import BitstreamError, DataError, MvmatchError
 from mvmatch.sources.base import FrameFacts, unsupported_codec
+from mvmatch.sources.matroska import missing_bytes
 from mvmatch.types import MotionField, VideoInfo
 
 if TYPE_CHECKING:
@@ -207,7 +208,7 @@ def open_demuxed(path: Path) -> Av1Source:
         rate: Fraction | None = stream.average_rate
         source = Av1Source(
             path,
-            _packets(container, stream),
+            _packets(path, container, stream),
             close=container.close,
             num_frames=stream.frames or None,
             frame_rate=float(rate) if rate else None,
@@ -216,7 +217,7 @@ def open_demuxed(path: Path) -> Av1Source:
     return source
 
 
-def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
+def _packets(path: Path, container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
     """Yield the packets of a demuxed stream; the first one is preceded by the codec's set-up."""
     from av.error import FFmpegError
 
@@ -236,6 +237,9 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
     except FFmpegError as error:
         message = f"the container is damaged: {_reason(error)}"
         raise BitstreamError(message) from error
+    if lost := missing_bytes(path):
+        message = f"the file ends after {count} frames, {lost} bytes before the end it announces"
+        raise BitstreamError(message)
     if count < stream.frames:
         message = f"the file ends after {count} of {stream.frames} frames"
         raise BitstreamError(message)

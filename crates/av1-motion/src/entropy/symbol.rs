@@ -11,6 +11,7 @@
 
 use super::cdf::Cdf;
 use crate::tables::symbols::{EC_MIN_PROB, EC_PROB_SHIFT};
+use crate::trace::SymbolCounter;
 
 /// §8.2.2: the arithmetic decoder over the bytes of one tile.
 pub(crate) struct SymbolDecoder<'a> {
@@ -25,6 +26,7 @@ pub(crate) struct SymbolDecoder<'a> {
     range: u32,
     /// Whether probabilities adapt (`disable_cdf_update` is 0).
     adapts: bool,
+    pub(crate) counter: SymbolCounter,
 }
 
 impl<'a> SymbolDecoder<'a> {
@@ -37,6 +39,7 @@ impl<'a> SymbolDecoder<'a> {
             count: -15,
             range: 1 << 15,
             adapts,
+            counter: SymbolCounter::default(),
         };
         decoder.refill();
         decoder
@@ -80,6 +83,7 @@ impl<'a> SymbolDecoder<'a> {
     /// §8.2.6: reads a symbol of `N` values and adapts its distribution.
     #[inline(always)]
     pub(crate) fn symbol<const N: usize, const W: usize>(&mut self, cdf: &mut Cdf<N, W>) -> u8 {
+        self.counter.symbol(N);
         let row = &mut cdf.0;
         let value = (self.window >> 48) as u32;
         let scale = self.range >> 8;
@@ -118,6 +122,7 @@ impl<'a> SymbolDecoder<'a> {
     /// §8.3.2: a flag whose (inverse) probability is derived and does not adapt.
     #[inline(always)]
     pub(crate) fn split(&mut self, probability: u16) -> bool {
+        self.counter.symbol(2);
         let value = (self.window >> 48) as u32;
         let bound = bound(self.range >> 8, probability, 1);
         let bit = value < bound;

@@ -110,6 +110,7 @@ impl Parser {
         self.num_decoded += 1;
         let (mut blocks, mut warps) = (Vec::new(), Vec::new());
         let mut totals = [CoefficientStats::default(); 3];
+        let trace = std::mem::take(&mut self.trace).finish(&current.tiles);
         for mut tile in current.tiles {
             for block in &mut tile.blocks {
                 block.offset_warp(warps.len() as u32);
@@ -132,6 +133,8 @@ impl Parser {
             spatial_id: current.obu.spatial_id,
             references: current.references,
             is_scaled: context.is_scaled,
+            ref_size: context.ref_size,
+            trace,
             header,
             sequence: context.sequence,
             blocks,
@@ -170,6 +173,8 @@ impl Parser {
             warps: Vec::new(),
             stats: [CoefficientStats::default(); 3],
             is_scaled: [false; 8],
+            ref_size: [[0; 2]; 8],
+            trace: std::mem::take(&mut self.trace),
         })
     }
 

@@ -16,6 +16,7 @@ use crate::obu::sequence_header::SequenceHeader;
 use crate::obu::tile_group::TileGroup;
 use crate::refs::ReferenceSlots;
 use crate::tile::{TileBounds, TileDecoder};
+use crate::trace::FrameTraceState;
 use frames::{CurrentFrame, LostFrame};
 
 /// Reads the motion of an AV1 stream, frame by frame.
@@ -51,6 +52,8 @@ pub struct Parser {
     lost: Option<LostFrame>,
     /// Tile groups belong to a frame that is lost already.
     skips_tiles: bool,
+    /// Of the frame that is being read.
+    trace: FrameTraceState,
 }
 
 /// The bytes that are being read.
@@ -191,6 +194,7 @@ impl Parser {
     /// an earlier one is shown.
     fn read_frame_header(&mut self, obu: &Obu) -> Result<(usize, Option<Frame>)> {
         self.skips_tiles = false;
+        self.trace = FrameTraceState::begin(&self.slots, &self.states);
         let payload = &self.unit.data[obu.payload.clone()];
         let mut reader = BitReader::new(payload, obu.byte_offset);
         let Some(sequence) = self.sequence.clone() else {
@@ -261,6 +265,7 @@ impl Parser {
         let header = current.context.header.clone();
         let next_tile = current.tiles.len() as u32;
         let group = TileGroup::parse(data, byte_offset, &header.tile_info, next_tile)?;
+        self.trace.tile_group(next_tile as usize);
         for tile in &group.tiles {
             let bounds = tile_bounds(&header, tile.tile_num);
             let cdfs = Box::new((*current.cdfs).clone());

@@ -30,6 +30,7 @@ use crate::mvpred::projection::ProjectedMotion;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
 use crate::tables::block_size::{BLOCK_64X64, BLOCK_128X128};
+use crate::trace::TileTrace;
 use coefficients::CoefficientScratch;
 use loop_restoration::RestorationReferences;
 
@@ -52,6 +53,8 @@ pub(crate) struct FrameContext {
     pub(crate) projected_motion: Option<ProjectedMotion>,
     /// `is_scaled` by reference name.
     pub(crate) is_scaled: [bool; 8],
+    /// `RefUpscaledWidth` and `RefFrameHeight`, by reference name.
+    pub(crate) ref_size: [[u32; 2]; 8],
     /// `get_relative_dist( OrderHint, OrderHints[ name ] )`: positive for past references.
     pub(crate) ref_distance: [i32; 8],
     /// §7.19: whether a reference precedes the frame, by name.
@@ -144,6 +147,8 @@ pub(crate) struct TileOutput {
     pub(crate) cdfs: Box<CdfSet>,
     /// Set when the tile's data is wrong; `blocks` then ends before the damage.
     pub(crate) error: Option<TileError>,
+    #[cfg_attr(not(feature = "trace"), expect(dead_code, reason = "empty"))]
+    pub(crate) trace: TileTrace,
 }
 
 /// §5.11.2: the state of one tile.
@@ -169,6 +174,7 @@ pub(crate) struct TileDecoder<'a> {
     stats: [CoefficientStats; 3],
     scratch: Box<CoefficientScratch>,
     palette: Box<palette::PaletteScratch>,
+    trace: TileTrace,
 }
 
 impl<'a> TileDecoder<'a> {
@@ -196,6 +202,7 @@ impl<'a> TileDecoder<'a> {
             stats: [CoefficientStats::default(); 3],
             scratch: Box::default(),
             palette: Box::default(),
+            trace: TileTrace::default(),
         }
     }
 
@@ -208,6 +215,7 @@ impl<'a> TileDecoder<'a> {
             stats: self.stats,
             cdfs: self.cdfs,
             error,
+            trace: self.trace.finish(&self.symbols.counter),
         }
     }
 
