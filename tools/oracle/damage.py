@@ -29,8 +29,8 @@ class Demand:
     """Whether the file must be read to its end, must raise a typed error, or may do either."""
     judges_rest: bool = True
     """Whether records behind the damage, if any come, must be equal too."""
-    extra_records: int = 0
-    """Records that must come beyond the original's."""
+    repeats_last: bool = False
+    """Whether the last of the intact units comes twice; the rest of the original follows."""
 
 
 def ivf_packets(path: Path) -> tuple[list[bytes], bool]:
@@ -77,13 +77,14 @@ def ivf_demand(path: Path, original: list[bytes], *, reference_refuses: bool) ->
         elif packet in EMPTY_UNITS:
             continue
         elif intact and packet == original[intact - 1]:
-            return Demand(intact, units, "whole", judges_rest=False, extra_records=1)
+            return Demand(intact, units, "whole", repeats_last=True)
         else:
             is_loss = packet in original[intact + 1 :]
             ends = "refused" if reference_refuses else "either"
             return Demand(intact, units, ends, judges_rest=reference_refuses and not is_loss)
-    if is_complete and intact == len(original):
-        return Demand(intact, units, "whole")
+    if is_complete:
+        # A file that ends between two packets shows no damage.
+        return Demand(intact, units, "whole" if intact == len(original) else "either")
     return Demand(intact, units, "refused")
 
 
