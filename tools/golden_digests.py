@@ -73,7 +73,7 @@ def record_line(golden: dict[str, Any], record: int) -> str:
     symbols.append(golden["f_num_binary_syms"][record])
     transforms = [golden["tx_size"][cells], golden["tx_type"][cells], *symbols]
     transforms += [golden[name][record] for name in ("tx_type_hist", "slot_decode_idx")]
-    parts = [np.hstack(columns).ravel()] + frame, header, transforms
+    parts = [np.hstack(columns).ravel(), *frame], header, transforms
     digests = [digest(np.hstack(part)) for part in parts]
     counts = f"{record} {facts[0]} {facts[1]} {int(is_origin.sum())}"
     return f"{counts} {' '.join(f'{value:016x}' for value in digests)}"

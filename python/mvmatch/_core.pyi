@@ -40,7 +40,11 @@ class Av1Parser:
     """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile."""
 
     def __new__(
-        cls, *, max_frame_area: int | None = None, max_frames: int | None = None
+        cls,
+        *,
+        operating_point: int = 0,
+        max_frame_area: int | None = None,
+        max_frames: int | None = None,
     ) -> Av1Parser: ...
     def push(self, unit: bytes, byte_offset: int = 0) -> None:
         """Queue one temporal unit that starts at this byte of the file."""
@@ -87,11 +91,16 @@ class CodedFrame:
     def spatial_id(self) -> int: ...
     @property
     def unit_index(self) -> int: ...
-    def motion(self) -> dict[str, NDArray[Any]]:
-        """One row per block and reference: the columns of ``MotionField``."""
+    @property
+    def is_output(self) -> bool: ...
+    def motion(self, size: tuple[int, int] | None = None) -> dict[str, NDArray[Any]]:
+        """One row per block and reference: the columns of ``MotionField``.
+
+        In px of a picture of ``size`` (width, height), by default of the frame itself.
+        """
 
     def blocks(self) -> dict[str, NDArray[Any]]:
-        """One row per coded block, numbered as in the specification."""
+        """One row per coded block, in the specification's units: ``mv`` is [row, col] in 1/8 px."""
 
     def coefficient_stats(self) -> NDArray[np.uint64]:
         """(3, 5) counts over the transform blocks of Y, U, V."""

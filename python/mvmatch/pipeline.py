@@ -91,6 +91,7 @@ def match_video(
     video: Path,
     *,
     options: TrackOptions | None = None,
+    operating_point: int = 0,
     progress: Progress | None = None,
 ) -> Match:
     """Read a video's motion vectors and chain them into tracks.
@@ -101,6 +102,8 @@ def match_video(
         An AV1 video, or a motion table that ``mvmatch extract`` wrote.
     options : TrackOptions, optional
         How vectors become tracks; the default preset without.
+    operating_point : int
+        Which layers of a scalable stream are read; see :func:`mvmatch.sources.open_video`.
     progress : Progress, optional
         Told after each frame.
 
@@ -123,7 +126,7 @@ def match_video(
     """
     options = options or TrackOptions.preset("default")
     structure = ReferenceStructure()
-    with open_source(video) as source:
+    with open_source(video, operating_point=operating_point) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
         tracks = build_tracks(reading, options=options)
         frames, info = tuple(source.frames), source.info
@@ -228,9 +231,11 @@ def _moved(run: Run, path: Path) -> Run:
     return dataclasses.replace(run, model=dataclasses.replace(run.model, path=path))
 
 
-def open_source(path: Path) -> MotionSource:
+def open_source(path: Path, *, operating_point: int = 0) -> MotionSource:
     """Open a video or a stored motion table; see :func:`mvmatch.sources.open_video`."""
-    return StoredMotion(path) if is_table(path) else open_video(path)
+    if is_table(path):
+        return StoredMotion(path)
+    return open_video(path, operating_point=operating_point)
 
 
 def _require_motion(

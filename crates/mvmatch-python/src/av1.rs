@@ -30,6 +30,7 @@ fn raise(py: Python<'_>, error: Error) -> PyErr {
         } => ("BitstreamError", Some((section, byte_offset))),
         Error::Unsupported { .. } => ("UnsupportedError", None),
         Error::LimitExceeded { .. } => ("LimitError", None),
+        Error::OperatingPoint { .. } => ("DataError", None),
         _ => ("MvmatchError", None),
     };
     let build = || {
@@ -100,8 +101,8 @@ pub struct Av1Parser {
 #[pymethods]
 impl Av1Parser {
     #[new]
-    #[pyo3(signature = (*, max_frame_area=None, max_frames=None))]
-    fn new(max_frame_area: Option<u64>, max_frames: Option<u64>) -> Self {
+    #[pyo3(signature = (*, operating_point=0, max_frame_area=None, max_frames=None))]
+    fn new(operating_point: usize, max_frame_area: Option<u64>, max_frames: Option<u64>) -> Self {
         let mut limits = Limits {
             max_frames,
             ..Limits::default()
@@ -110,7 +111,7 @@ impl Av1Parser {
             limits.max_frame_area = area;
         }
         Self {
-            parser: Parser::new(limits),
+            parser: Parser::new(limits).with_operating_point(operating_point),
         }
     }
 

@@ -71,6 +71,11 @@ impl CodedFrame {
     }
 
     #[getter]
+    fn is_output(&self) -> bool {
+        self.frame.is_output
+    }
+
+    #[getter]
     fn order_hint(&self) -> u32 {
         self.info.order_hint
     }
@@ -127,9 +132,15 @@ impl CodedFrame {
         self.references(py, |reference| reference.display_index)
     }
 
-    /// One row for each inter block and reference.
-    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = py.detach(|| self.frame.motion().collect::<Vec<_>>());
+    /// One row for each inter block and reference, in px of a picture of `size`.
+    #[pyo3(signature = (size=None))]
+    fn motion<'py>(
+        &self,
+        py: Python<'py>,
+        size: Option<(u32, u32)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (width, height) = size.unwrap_or((self.info.upscaled_width, self.info.frame_height));
+        let rows = py.detach(|| self.frame.motion_in(width, height).collect::<Vec<_>>());
         let columns = Columns::new(py);
         columns.add_rows("block", rows.iter().map(|row| row.block))?;
         columns.add_rows("mv", rows.iter().map(|row| row.mv))?;

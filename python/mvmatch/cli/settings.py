@@ -21,6 +21,9 @@ ExistingFile = Annotated[
     Path, Parameter(validator=validators.Path(exists=True, dir_okay=False, file_okay=True))
 ]
 Output = Annotated[Path, Parameter(alias="-o")]
+OperatingPoint = Annotated[
+    int, Parameter(help="Layers of a scalable stream; 0, the default, usually has all of them.")
+]
 Json = Annotated[bool, Parameter(negative="", help="Print one JSON object on stdout.")]
 
 

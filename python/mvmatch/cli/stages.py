@@ -11,6 +11,7 @@ from mvmatch.cli.settings import (
     ExistingFile,
     ExistingPath,
     Json,
+    OperatingPoint,
     Settings,
     with_encoder,
 )
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
     from mvmatch.types import VideoInfo
 
 
-def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
+def probe(
+    clip: ExistingFile, /, *, operating_point: OperatingPoint = 0, json: Json = False
+) -> Outcome:
     """Say how a video is coded and whether its vectors can be matched.
 
     Parameters
@@ -33,7 +36,7 @@ def probe(clip: ExistingFile, /, *, json: Json = False) -> Outcome:
     from mvmatch.sources import ReferenceStructure, UntilDamage
 
     structure = ReferenceStructure()
-    with Ticker() as tell, open_source(clip) as source:
+    with Ticker() as tell, open_source(clip, operating_point=operating_point) as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         for _ in reading:
             pass
@@ -94,7 +97,14 @@ def encode(
     )
 
 
-def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcome:
+def extract(
+    clip: ExistingFile,
+    table: Path,
+    /,
+    *,
+    operating_point: OperatingPoint = 0,
+    json: Json = False,
+) -> Outcome:
     """Write a video's motion vectors to a Parquet table.
 
     Parameters
@@ -108,7 +118,7 @@ def extract(clip: ExistingFile, table: Path, /, *, json: Json = False) -> Outcom
     from mvmatch.store import write_motion
 
     structure = ReferenceStructure()
-    with Ticker() as tell, open_video(clip) as source:
+    with Ticker() as tell, open_video(clip, operating_point=operating_point) as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         rows = write_motion(reading, table, info=source.info, frames=lambda: source.frames)
         frames = len(source.frames)
@@ -128,6 +138,7 @@ def track(
     table: Path,
     /,
     *,
+    operating_point: OperatingPoint = 0,
     settings: Settings | None = None,
     json: Json = False,
 ) -> Outcome:
@@ -145,7 +156,7 @@ def track(
 
     options = (settings or Settings()).options().track
     with Ticker() as tell:
-        match = match_video(clip, options=options, progress=tell)
+        match = match_video(clip, options=options, operating_point=operating_point, progress=tell)
         names = frame_names(match.num_frames)
         stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))

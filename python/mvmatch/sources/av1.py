@@ -50,6 +50,8 @@ class Av1Source:
         Releases the container.
     num_frames, frame_rate
         What the container says, None when it does not.
+    operating_point : int
+        Which layers of a scalable stream are read.
     """
 
     def __init__(
@@ -60,11 +62,12 @@ class Av1Source:
         close: Callable[[], None],
         num_frames: int | None = None,
         frame_rate: float | None = None,
+        operating_point: int = 0,
     ) -> None:
         self._path = path
         self._units = units
         self._close = close
-        self._parser = _core.Av1Parser()
+        self._parser = _core.Av1Parser(operating_point=operating_point)
         self._frames: list[FrameFacts] = []
         self._pts: float | None = None
         try:
@@ -77,9 +80,10 @@ class Av1Source:
             message = f"{path}: the file ends before its first AV1 frame"
             raise BitstreamError(message)
         self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
+        width, height = _output_size(first, operating_point)
         self._info = VideoInfo(
-            width=first.upscaled_width,
-            height=first.height,
+            width=width,
+            height=height,
             num_frames=num_frames,
             frame_rate=frame_rate,
             codec="av1",
@@ -110,7 +114,7 @@ class Av1Source:
         """Yield the field of every coded frame; damage raises after the frames before it."""
         for coded, pts in self.coded_frames():
             if not coded.show_existing_frame:
-                yield _field(coded, pts)
+                yield _field(coded, pts, size=(self._info.width, self._info.height))
 
     def coded_frames(self) -> Iterator[tuple[_core.CodedFrame, float | None]]:
         """Yield every coded frame, and every order to show one again, with its time in s."""
@@ -121,7 +125,7 @@ class Av1Source:
                 coded, pts = self._next_coded(), self._pts
             if coded is None:
                 return
-            self._frames.append(_facts(coded))
+            self._frames.append(_facts(coded, pts))
             yield coded, pts
 
     def _next_coded(self) -> _core.CodedFrame | None:
@@ -138,7 +142,7 @@ class Av1Source:
         return coded
 
 
-def open_elementary(path: Path) -> Av1Source:
+def open_elementary(path: Path, *, operating_point: int = 0) -> Av1Source:
     """Open an IVF file, a Section 5 OBU stream or an Annex B stream.
 
     Raises
@@ -169,10 +173,16 @@ def open_elementary(path: Path) -> Av1Source:
                 seconds = pts * time_base[0] / time_base[1]
             yield seconds, data, offset
 
-    return Av1Source(path, units(), close=_nothing, frame_rate=frame_rate)
+    return Av1Source(
+        path,
+        units(),
+        close=_nothing,
+        frame_rate=frame_rate,
+        operating_point=operating_point,
+    )
 
 
-def open_demuxed(path: Path) -> Av1Source:
+def open_demuxed(path: Path, *, operating_point: int = 0) -> Av1Source:
     """Open MP4, MKV, WebM or whatever else FFmpeg demuxes; packets only, nothing is decoded.
 
     Raises
@@ -212,6 +222,7 @@ def open_demuxed(path: Path) -> Av1Source:
             close=container.close,
             num_frames=stream.frames or None,
             frame_rate=float(rate) if rate else None,
+            operating_point=operating_point,
         )
         cleanup.pop_all()
     return source
@@ -267,32 +278,46 @@ def _configuration_obus(extradata: bytes | None) -> bytes:
     return extradata[4:] if extradata[0] == 0x81 else extradata
 
 
-def _facts(coded: _core.CodedFrame) -> FrameFacts:
+def _output_size(first: _core.CodedFrame, operating_point: int) -> tuple[int, int]:
+    """Return (width, height) in px of the pictures that a player shows.
+
+    Frames of one stream can have several sizes (spatial layers, or an encoder that saves bits);
+    players bring them to that of the first one shown, which of several layers is the largest.
+    """
+    header = first.header()
+    spatial_layers = header["operating_point_idc"][operating_point] >> 8
+    if spatial_layers.bit_count() > 1:
+        return header["max_frame_width"], header["max_frame_height"]
+    return first.upscaled_width, first.height
+
+
+def _facts(coded: _core.CodedFrame, pts: float | None) -> FrameFacts:
     intra = coded.frame_type in {"KEY", "INTRA_ONLY"}
     references = np.asarray(coded.ref_display_index)
     return FrameFacts(
         decode_index=coded.decode_index,
         display_index=coded.display_index,
         frame_type=coded.frame_type,
-        is_shown=bool(coded.show_frame or coded.show_existing_frame),
+        is_shown=coded.is_output,
         is_repeat=coded.show_existing_frame,
         width=coded.upscaled_width,
         height=coded.height,
         base_q_idx=coded.base_q_idx,
+        pts=pts if coded.is_output else None,
         ref_display_index=() if intra else tuple(int(index) for index in references),
     )
 
 
-def _field(coded: _core.CodedFrame, pts: float | None) -> MotionField:
-    columns = coded.motion()
+def _field(coded: _core.CodedFrame, pts: float | None, *, size: tuple[int, int]) -> MotionField:
+    columns = coded.motion(size)
     return MotionField(
         frame=coded.display_index,
         decode_index=coded.decode_index,
-        pts=pts if coded.show_frame else None,
-        width=coded.upscaled_width,
-        height=coded.height,
+        pts=pts if coded.is_output else None,
+        width=size[0],
+        height=size[1],
         is_key=coded.frame_type in {"KEY", "INTRA_ONLY"},
-        is_shown=coded.show_frame,
+        is_shown=coded.is_output,
         **{name: columns[name] for name in _SHARED_COLUMNS},
     )
 

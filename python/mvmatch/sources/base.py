@@ -32,7 +32,8 @@ class FrameFacts:
     frame_type: str
     """``"KEY"``, ``"INTER"``, ``"INTRA_ONLY"`` or ``"SWITCH"``."""
     is_shown: bool
-    """Whether this header puts a picture on the screen."""
+    """Whether this header puts a picture on the screen; of the spatial layers of one picture only
+    the highest does."""
     is_repeat: bool
     """Whether it only shows a frame decoded earlier (``show_existing_frame``)."""
     width: int
@@ -41,6 +42,8 @@ class FrameFacts:
     """Shown height in px."""
     base_q_idx: int
     """Base quantiser index, 0 to 255."""
+    pts: float | None = None
+    """Time in s at which the picture is shown, from the container; None for hidden frames."""
     ref_display_index: tuple[int, ...]
     """Display indices of the seven named references, -1 where there is none; empty when intra."""
 
@@ -101,13 +104,16 @@ def sniff(path: Path) -> Kind:
     return "av1-elementary" if path.suffix.lower() in _ELEMENTARY_SUFFIXES else "unknown"
 
 
-def open_video(path: str | PathLike[str]) -> MotionSource:
+def open_video(path: str | PathLike[str], *, operating_point: int = 0) -> MotionSource:
     """Open a video and read its motion vectors; no pixel is decoded.
 
     Parameters
     ----------
     path : path
         AV1 as IVF, Section 5 OBU stream, Annex B, MP4, MKV or WebM.
+    operating_point : int
+        Which of a scalable stream's operating points to read: 0 usually has all layers, others
+        leave temporal or spatial layers out.
 
     Returns
     -------
@@ -119,7 +125,7 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
     FileNotFoundError
         There is no such file.
     DataError
-        The file is empty, is text or holds no video.
+        The file is empty, is text or holds no video, or has no such operating point.
     NotAv1Error
         The video is of another codec.
     UnsupportedError
@@ -128,6 +134,9 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
         The stream is damaged before its first frame is complete.
     """
     path = Path(path)
+    if operating_point < 0:
+        message = f"operating points are counted from 0; there is no {operating_point}"
+        raise DataError(message)
     if not path.exists():
         message = f"there is no file {path}"
         raise FileNotFoundError(message)
@@ -148,8 +157,8 @@ def open_video(path: str | PathLike[str]) -> MotionSource:
     from mvmatch.sources import av1
 
     if kind == "av1-elementary":
-        return av1.open_elementary(path)
-    return av1.open_demuxed(path)
+        return av1.open_elementary(path, operating_point=operating_point)
+    return av1.open_demuxed(path, operating_point=operating_point)
 
 
 def unsupported_codec(path: Path, codec: str) -> NotAv1Error:

@@ -111,6 +111,7 @@ impl Parser {
         let (mut blocks, mut warps) = (Vec::new(), Vec::new());
         let mut totals = [CoefficientStats::default(); 3];
         let trace = std::mem::take(&mut self.trace).finish(&current.tiles);
+        let is_output = header.show_frame && self.outputs_layer(current.obu.spatial_id);
         for mut tile in current.tiles {
             for block in &mut tile.blocks {
                 block.offset_warp(warps.len() as u32);
@@ -131,6 +132,7 @@ impl Parser {
             unit_index: self.num_units - 1,
             temporal_id: current.obu.temporal_id,
             spatial_id: current.obu.spatial_id,
+            is_output,
             references: current.references,
             is_scaled: context.is_scaled,
             ref_size: context.ref_size,
@@ -166,6 +168,7 @@ impl Parser {
             unit_index: self.num_units - 1,
             temporal_id: obu.header.temporal_id,
             spatial_id: obu.header.spatial_id,
+            is_output: self.outputs_layer(obu.header.spatial_id),
             references: [None; 7],
             header,
             sequence,

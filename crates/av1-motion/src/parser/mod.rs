@@ -37,6 +37,8 @@ use frames::{CurrentFrame, LostFrame};
 #[derive(Default)]
 pub struct Parser {
     limits: Limits,
+    /// §6.4.1 `operatingPoint`.
+    operating_point: usize,
     sequence: Option<Arc<SequenceHeader>>,
     slots: ReferenceSlots,
     states: FrameStates,
@@ -73,6 +75,17 @@ impl Parser {
         Self {
             limits,
             ..Self::default()
+        }
+    }
+
+    /// The same parser for another operating point of scalable streams: 0, the default, is the one
+    /// that a stream recommends and usually has all layers; others leave layers out. A stream that
+    /// does not have it gives [`Error::OperatingPoint`] at its first sequence header.
+    #[must_use]
+    pub fn with_operating_point(self, operating_point: usize) -> Self {
+        Self {
+            operating_point,
+            ..self
         }
     }
 
@@ -151,11 +164,7 @@ impl Parser {
             header.obu_type,
             ObuType::SequenceHeader | ObuType::TemporalDelimiter
         );
-        let idc = self
-            .sequence
-            .as_ref()
-            .map_or(0, |sequence| sequence.operating_points[0].idc);
-        if is_layered && header.is_dropped(idc) {
+        if is_layered && header.is_dropped(self.operating_point_idc()) {
             return Ok(None);
         }
         match header.obu_type {
@@ -163,6 +172,13 @@ impl Parser {
                 let payload = &self.unit.data[obu.payload.clone()];
                 let mut reader = BitReader::new(payload, obu.byte_offset);
                 let sequence = SequenceHeader::parse(&mut reader)?;
+                let available = sequence.operating_points.len();
+                if self.operating_point >= available {
+                    return Err(Error::OperatingPoint {
+                        chosen: self.operating_point,
+                        available,
+                    });
+                }
                 if self.sequence.as_deref() != Some(&sequence) {
                     self.sequence = Some(Arc::new(sequence));
                 }
@@ -182,12 +198,29 @@ impl Parser {
                 feature: "large scale tile decoding".into(),
                 section: "5.12",
             }),
-            ObuType::TemporalDelimiter
-            | ObuType::RedundantFrameHeader
+            ObuType::TemporalDelimiter => {
+                self.display.begin_unit();
+                Ok(None)
+            }
+            ObuType::RedundantFrameHeader
             | ObuType::Metadata
             | ObuType::Padding
             | ObuType::Reserved(_) => Ok(None),
         }
+    }
+
+    /// §6.4.1 `OperatingPointIdc`: 0 when every frame is read.
+    fn operating_point_idc(&self) -> u16 {
+        self.sequence
+            .as_ref()
+            .and_then(|sequence| sequence.operating_points.get(self.operating_point))
+            .map_or(0, |point| point.idc)
+    }
+
+    /// §7.18.1: whether frames of a spatial layer are meant to be seen.
+    fn outputs_layer(&self, spatial_id: u8) -> bool {
+        let layers = self.operating_point_idc() >> 8;
+        layers == 0 || u32::from(spatial_id) == layers.ilog2()
     }
 
     /// §5.9.1 `frame_header_obu`: the length of the header with its byte alignment, and the frame when
@@ -237,7 +270,9 @@ impl Parser {
             });
         }
         let length = reader.position() / 8;
-        let display_index = self.display.place(&sequence, &header);
+        let display_index = self
+            .display
+            .place(&sequence, &header, obu.header.spatial_id);
         match self.start_frame(obu, &sequence, &header, display_index) {
             Ok(current) => {
                 self.current = Some(current);
