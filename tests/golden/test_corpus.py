@@ -60,6 +60,55 @@ def test_a_matroska_file_that_is_cut_gives_its_whole_frames_and_then_an_error(
     assert 0 < len(found) < len(frames_of(whole))
 
 
+def obus_of(unit: bytes) -> list[tuple[int, bytes]]:
+    """Type and bytes of each OBU of a unit; all of them have a size field and no extension."""
+    obus: list[tuple[int, bytes]] = []
+    position = 0
+    while position < len(unit):
+        start, size, shift = position, 0, 0
+        position += 1
+        while True:
+            byte = unit[position]
+            size |= (byte & 127) << shift
+            position, shift = position + 1, shift + 7
+            if byte < 128:
+                break
+        position += size
+        obus.append((unit[start] >> 3 & 15, unit[start:position]))
+    return obus
+
+
+def with_redundant_headers(unit: bytes) -> bytes:
+    """The unit with its frame headers once more (type 7) before each further tile group."""
+    header, groups, parts = b"", 0, list[bytes]()
+    for kind, obu in obus_of(unit):
+        if kind == 3:
+            header, groups = bytes([obu[0] & 0x87 | 7 << 3]) + obu[1:], 0
+        elif kind == 4:
+            parts += [header] if groups else []
+            groups += 1
+        parts.append(obu)
+    return b"".join(parts)
+
+
+@pytest.mark.parametrize("name", ["aom_tiles_tg", "aom_tiles_tg2"])
+def test_redundant_frame_headers_change_nothing(name: str, tmp_path: Path) -> None:
+    data, position = (CORPUS / f"{name}.ivf").read_bytes(), 32
+    copy = [data[:32]]
+    while position < len(data):
+        size = int.from_bytes(data[position : position + 4], "little")
+        unit = with_redundant_headers(data[position + 12 : position + 12 + size])
+        copy += [len(unit).to_bytes(4, "little"), data[position + 4 : position + 12], unit]
+        position += 12 + size
+    path = tmp_path / f"{name}.ivf"
+    path.write_bytes(b"".join(copy))
+    assert path.stat().st_size > len(data) + 100
+    for ours, theirs in itertools.zip_longest(frames_of(path), frames_of(CORPUS / path.name)):
+        assert ours.header() == theirs.header()
+        blocks, expected = ours.blocks(), theirs.blocks()
+        assert all(np.array_equal(blocks[column], expected[column]) for column in expected)
+
+
 def conformance(folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(TOOL), "--no-trace", str(folder)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
