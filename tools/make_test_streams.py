@@ -23,7 +23,7 @@ import numpy as np
 from av.video.frame import PictureType
 
 from mvmatch.testing import Rectangle, SyntheticScene, synthetic_drive
-from test_clips import CLIPS, Clip
+from stream_clips import CLIPS, Clip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -27,8 +27,9 @@ class Demand:
     """Number in the file of each of these units."""
     ends: Literal["whole", "refused", "either"] = "whole"
     """Whether the file must be read to its end, must raise a typed error, or may do either."""
-    judges_rest: bool = True
-    """Whether records behind the damage, if any come, must be equal too."""
+    free_records: int | None = None
+    """Records that may be wrong where the damage shows only later: as many as libaom gave before it
+    refused. All behind the damage without a number."""
     repeats_last: bool = False
     """Whether the last of the intact units comes twice; the rest of the original follows."""
 
@@ -66,8 +67,10 @@ def coded_payloads(unit: bytes) -> Iterator[bytes]:
         position += size
 
 
-def ivf_demand(path: Path, original: list[bytes], *, reference_refuses: bool) -> Demand:
-    """Follow the packets of a damaged IVF file along the original's."""
+def ivf_demand(path: Path, original: list[bytes], says: str) -> Demand:
+    """Follow the packets of a damaged IVF file along the original's; libaom ``says`` something."""
+    code, records = re.search(r"rc=(\d+)", says), re.search(r"(\d+) records", says)
+    reference_refuses = code is None or code[1] != "0"
     packets, is_complete = ivf_packets(path)
     units, intact = list[int](), 0
     for number, packet in enumerate(packets):
@@ -77,30 +80,32 @@ def ivf_demand(path: Path, original: list[bytes], *, reference_refuses: bool) ->
         elif packet in EMPTY_UNITS:
             continue
         elif intact and packet == original[intact - 1]:
-            return Demand(intact, units, "whole", repeats_last=True)
+            ends = "either" if reference_refuses else "whole"
+            return Demand(intact, units, ends, repeats_last=True)
         else:
-            is_loss = packet in original[intact + 1 :]
-            ends = "refused" if reference_refuses else "either"
-            return Demand(intact, units, ends, judges_rest=reference_refuses and not is_loss)
+            is_loss = intact > 0 and packet in original[intact + 1 :]
+            ends = "refused" if reference_refuses and not is_loss else "either"
+            free = int(records[1]) if records and ends == "refused" else None
+            return Demand(intact, units, ends, free)
     if is_complete:
         # A file that ends between two packets shows no damage.
-        return Demand(intact, units, "whole" if intact == len(original) else "either")
-    return Demand(intact, units, "refused")
+        return Demand(intact, units, "whole" if intact == len(original) else "either", 0)
+    return Demand(intact, units, "refused", 0)
 
 
 def copy_demand(path: Path, original: list[bytes]) -> Demand:
     """Find the original's units in a cut MKV or Annex B file; a cut MP4 has lost its index."""
     data, position, intact = path.read_bytes(), 0, 0
     if path.suffix == ".mp4":
-        return Demand(0, [], "refused")
+        return Demand(0, [], "refused", 0)
     for unit in original:
         for payload in coded_payloads(unit):
             position = data.find(payload, position)
             if position < 0:
-                return Demand(intact, list(range(intact)), "refused")
+                return Demand(intact, list(range(intact)), "refused", 0)
             position += len(payload)
         intact += 1
-    return Demand(intact, list(range(intact)), "whole")
+    return Demand(intact, list(range(intact)), "whole", 0)
 
 
 def demand_of(entry: dict[str, Any], directory: Path) -> Demand:
@@ -109,5 +114,4 @@ def demand_of(entry: dict[str, Any], directory: Path) -> Demand:
     packets, _ = ivf_packets(original)
     if path.suffix != ".ivf":
         return copy_demand(path, packets)
-    says = re.search(r"rc=(\d+)", entry.get("libaom", ""))
-    return ivf_demand(path, packets, reference_refuses=says is None or says[1] != "0")
+    return ivf_demand(path, packets, entry.get("libaom", ""))

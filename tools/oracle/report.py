@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 # What a unit that is sent twice changes in the records from its second coming on. Everything else
 # is the same as long as its frames do not refer to the slots that they fill.
-RENUMBERED = {"f_tu", "f_decode_idx", "ref_decode_idx", "slot_decode_idx", "slot_order_hint"}
+RENUMBERED = {"f_tu", "f_decode_idx", "f_sef_slot", "ref_decode_idx"}
+RENUMBERED |= {"slot_decode_idx", "slot_order_hint"}
 
 
 def frames_of(path: Path) -> Iterator[CodedFrame]:
@@ -65,8 +66,8 @@ class Report:
         repeated = 0
         if demand.repeats_last and demand.intact:
             repeated = int(np.count_nonzero(golden["f_tu"] == demand.intact - 1))
-            if refers_to_itself(golden, demand.intact - 1):
-                demand = replace(demand, judges_rest=False)
+            if not refers_to_itself(golden, demand.intact - 1):
+                demand = replace(demand, ends="whole", free_records=0)
         outcome = Outcome(demand, total, required, repeated)
         try:
             for frame in frames_of(path):
@@ -132,8 +133,10 @@ class Outcome:
 
     def is_judged(self) -> bool:
         """Whether the next record must equal the golden."""
-        rest = self.total + self.repeated if self.demand.judges_rest else 0
-        return self.count < max(rest, self.required)
+        free = self.demand.free_records
+        if self.demand.intact is None or self.count < self.required:
+            return self.count < self.total
+        return free is not None and free <= self.count < self.total + self.repeated
 
     def verdict(self) -> tuple[str, str]:
         """Judge what was read against what had to be read."""
