@@ -55,7 +55,7 @@ def test_a_damaged_container_gives_fields_or_one_of_our_errors(
                 read += sum(1 for _ in video)
         except MvmatchError:
             pass
-    assert read > 100
+    assert read > 0
 
 
 def test_files_that_once_raised_something_else_do_so_no_more(data: Path) -> None:
