@@ -1,6 +1,6 @@
 //! §5.11.39 Coefficients.
 
-use super::context::Area;
+use super::context::{Area, fill_few};
 use super::levels::{LevelCdfs, LevelSums, read_levels, read_signs};
 use super::{Block, BlockContext, TileDecoder, TileResult};
 use crate::entropy::cdf_set::CoefCdfs;
@@ -52,8 +52,8 @@ impl TileDecoder<'_> {
             if let Some(area) = area {
                 area.fill(&mut self.grid.tx_type, DCT_DCT);
             }
-            self.above.coefficients[plane][cols].fill(0);
-            self.left.coefficients[plane][rows].fill(0);
+            fill_few(&mut self.above.coefficients[plane][cols], 0);
+            fill_few(&mut self.left.coefficients[plane][rows], 0);
             self.stats[plane].zero_blocks += 1;
             return Ok(());
         }
@@ -119,8 +119,8 @@ impl TileDecoder<'_> {
         let bounds = &self.bounds;
         let keep = |entries: &mut [u8], visible: u32| {
             let visible = entries.len().min(visible as usize);
-            entries[..visible].fill(entry);
-            entries[visible..].fill(0);
+            fill_few(&mut entries[..visible], entry);
+            fill_few(&mut entries[visible..], 0);
         };
         let col = (x4 - (bounds.mi_col_start >> ss_x)) as usize;
         let row = y4 as usize & (31 >> ss_y);

@@ -83,12 +83,42 @@ pub(super) struct Area {
 }
 
 impl Area {
+    /// Most areas are as wide as a block: then a row is one store, not a call.
     #[inline]
     pub(super) fn fill<T: Copy>(self, cells: &mut [T], value: T) {
+        match self.width {
+            1 => self.fill_rows::<T, 1>(cells, value),
+            2 => self.fill_rows::<T, 2>(cells, value),
+            4 => self.fill_rows::<T, 4>(cells, value),
+            8 => self.fill_rows::<T, 8>(cells, value),
+            16 => self.fill_rows::<T, 16>(cells, value),
+            width => {
+                for row in 0..self.height {
+                    let start = self.start + row * self.stride;
+                    cells[start..start + width].fill(value);
+                }
+            }
+        }
+    }
+
+    #[inline]
+    fn fill_rows<T: Copy, const WIDTH: usize>(self, cells: &mut [T], value: T) {
         for row in 0..self.height {
             let start = self.start + row * self.stride;
-            cells[start..start + self.width].fill(value);
+            cells[start..start + WIDTH].copy_from_slice(&[value; WIDTH]);
         }
+    }
+}
+
+/// Sets all of a few entries; a call for so few would cost more than the stores.
+#[inline]
+pub(super) fn fill_few(entries: &mut [u8], value: u8) {
+    match entries.len() {
+        1 => entries[0] = value,
+        2 => entries.copy_from_slice(&[value; 2]),
+        4 => entries.copy_from_slice(&[value; 4]),
+        8 => entries.copy_from_slice(&[value; 8]),
+        _ => entries.fill(value),
     }
 }
 

@@ -9,18 +9,21 @@ use crate::tables::symbols::{
 };
 use crate::tables::tx_size::{ADJUSTED_TX_SIZE, TX_HEIGHT};
 
-/// Room for 32 + 4 rows; a power of two, so that a mask replaces bounds checks.
-const LEVELS: usize = 4096;
-/// Levels from a coefficient to behind the furthest of its neighbours, four rows below.
-const REACH: usize = 4 * LEVEL_STRIDE + 1;
+/// Room for 4 + 32 rows; a power of two, so that a mask replaces bounds checks.
+const CELLS: usize = 2048;
+/// From the furthest neighbour of a coefficient, four rows above and four columns left, to itself.
+const REACH: usize = 4 * LEVEL_STRIDE + 4;
 /// Above this, a level continues with a Golomb code.
 const MAX_CODED_LEVEL: u32 = NUM_BASE_LEVELS + COEFF_BASE_RANGE;
 
 /// Buffers of one transform block.
 pub(super) struct CoefficientScratch {
-    /// Levels by position: `min(level, 3)` in the two upper bits, `level` (at most 15) below, so that
-    /// one sum over neighbours serves both kinds of context.
-    levels: [u8; LEVELS],
+    /// §8.3.2, by position: what the levels read so far add to the contexts of a coefficient. Most
+    /// levels are zero, so those that are not are added to their neighbours when they are read, instead
+    /// of each coefficient collecting from its own. The sum of levels up to 3, for `coeff_base`, is in
+    /// the upper byte, that of levels up to 15, for `coeff_br`, in the lower. Four rows and columns
+    /// come before the first.
+    neighbors: [u16; CELLS],
     /// Which of the levels that are not zero continue with a Golomb code: how many came before each.
     long: [u16; 1024],
 }
@@ -28,24 +31,57 @@ pub(super) struct CoefficientScratch {
 impl Default for CoefficientScratch {
     fn default() -> Self {
         Self {
-            levels: [0; LEVELS],
+            neighbors: [0; CELLS],
             long: [0; 1024],
         }
     }
 }
 
 impl CoefficientScratch {
+    /// The cells up to that of a place.
+    #[inline]
+    fn window(&mut self, at: u16) -> &mut [u16; REACH + 1] {
+        let from = usize::from(at) & (CELLS - 1);
+        (&mut self.neighbors[from..=from + REACH])
+            .try_into()
+            .expect("REACH + 1 cells")
+    }
+
     /// Keeps a level that is not zero: the coded symbol, and what `coeff_br` added to it.
     #[inline]
-    fn keep(&mut self, read: &mut Levels, at: u16, symbol: u32, excess: u32) {
-        // `symbol` is `min(level, 3)`.
-        self.levels[usize::from(at) & (LEVELS - 1)] = (65 * symbol + excess) as u8;
+    fn keep<const CLASS: u8>(&mut self, read: &mut Levels, at: u16, symbol: u32, excess: u32) {
         if excess == COEFF_BASE_RANGE {
             self.long[read.long & 1023] = read.coded as u16;
             read.long += 1;
         }
         read.coded += 1;
         read.total += symbol + excess;
+        // `symbol` is `min(level, 3)`.
+        let far = (symbol << 8) as u16;
+        let close = far + (symbol + excess) as u16;
+        let window = self.window(at);
+        let mut add = |rows: usize, cols: usize, value: u16| {
+            window[REACH - rows * LEVEL_STRIDE - cols] += value;
+        };
+        add(0, 1, close);
+        add(1, 0, close);
+        match CLASS {
+            TX_CLASS_2D => {
+                add(1, 1, close);
+                add(0, 2, far);
+                add(2, 0, far);
+            }
+            TX_CLASS_HORIZ => {
+                add(0, 2, close);
+                add(0, 3, far);
+                add(0, 4, far);
+            }
+            _ => {
+                add(2, 0, close);
+                add(3, 0, far);
+                add(4, 0, far);
+            }
+        }
     }
 }
 
@@ -65,39 +101,6 @@ pub(super) struct LevelCdfs<'a> {
     pub(super) range: &'a mut [Cdf4; 21],
 }
 
-/// §8.3.2: what the levels already read around a coefficient say about it.
-struct Neighbors {
-    /// Sum of levels up to 3, for `coeff_base`.
-    base: u32,
-    /// Sum of levels up to 15, for `coeff_br`.
-    range: u32,
-}
-
-impl Neighbors {
-    #[inline]
-    fn of<const CLASS: u8>(levels: &[u8; LEVELS], at: u16) -> Self {
-        let from = usize::from(at) & (LEVELS / 2 - 1);
-        let window: &[u8; REACH] = levels[from..from + REACH].try_into().expect("REACH levels");
-        let near = |rows: usize, cols: usize| u32::from(window[rows * LEVEL_STRIDE + cols]);
-        let close = near(0, 1)
-            + near(1, 0)
-            + match CLASS {
-                TX_CLASS_2D => near(1, 1),
-                TX_CLASS_HORIZ => near(0, 2),
-                _ => near(2, 0),
-            };
-        let far = match CLASS {
-            TX_CLASS_2D => near(0, 2) + near(2, 0),
-            TX_CLASS_HORIZ => near(0, 3) + near(0, 4),
-            _ => near(3, 0) + near(4, 0),
-        };
-        Self {
-            base: (close >> 6) + (far >> 6),
-            range: close & 63,
-        }
-    }
-}
-
 /// What is known of the levels of a transform block before their signs are read.
 #[derive(Default)]
 pub(super) struct Levels {
@@ -107,6 +110,8 @@ pub(super) struct Levels {
     total: u32,
     /// How many continue with a Golomb code.
     long: usize,
+    /// Whether the first coefficient is not zero, which decides how its sign is read.
+    has_dc: bool,
 }
 
 /// §5.11.39: the levels, from the last coefficient to the first.
@@ -121,11 +126,11 @@ pub(super) fn read_levels<const CLASS: u8>(
     let last_context = eob_context(eob - 1, scan.len());
     // The first `eob` places reach no further down.
     let rows = 4 + eob.min(TX_HEIGHT[ADJUSTED_TX_SIZE[tx_size as usize] as usize].into());
-    scratch.levels[..LEVEL_STRIDE * rows].fill(0);
+    scratch.neighbors[..LEVEL_STRIDE * rows].fill(0);
     let mut symbols = *decoder;
     let mut read = Levels::default();
     let (last, before) = scan[..eob].split_last().expect("eob is not 0");
-    let level = 1 + u32::from(symbols.symbol(&mut cdfs.base_eob[last_context]));
+    let mut level = 1 + u32::from(symbols.symbol(&mut cdfs.base_eob[last_context]));
     let mut excess = 0;
     if level > NUM_BASE_LEVELS {
         excess = read_range(
@@ -133,26 +138,27 @@ pub(super) fn read_levels<const CLASS: u8>(
             &mut cdfs.range[usize::from(last.range_context)],
         );
     }
-    scratch.keep(&mut read, last.at, level, excess);
+    scratch.keep::<CLASS>(&mut read, last.at, level, excess);
     for place in before.iter().rev() {
-        let neighbors = Neighbors::of::<CLASS>(&scratch.levels, place.at);
+        let neighbors = u32::from(scratch.window(place.at)[REACH]);
         let context = if CLASS == TX_CLASS_2D && place.at == 0 {
             0
         } else {
-            ((neighbors.base + 1) >> 1).min(4) as usize + usize::from(place.base_context)
+            (((neighbors >> 8) + 1) >> 1).min(4) as usize + usize::from(place.base_context)
         };
-        let level = u32::from(symbols.symbol(&mut cdfs.base[context]));
+        level = u32::from(symbols.symbol(&mut cdfs.base[context]));
         if level == 0 {
             continue;
         }
         let mut excess = 0;
         if level > NUM_BASE_LEVELS {
-            let magnitude = ((neighbors.range + 1) >> 1).min(6) as usize;
+            let magnitude = (((neighbors & 255) + 1) >> 1).min(6) as usize;
             let cdf = &mut cdfs.range[magnitude + usize::from(place.range_context)];
             excess = read_range(&mut symbols, cdf);
         }
-        scratch.keep(&mut read, place.at, level, excess);
+        scratch.keep::<CLASS>(&mut read, place.at, level, excess);
     }
+    read.has_dc = level > 0;
     *decoder = symbols;
     read
 }
@@ -194,10 +200,8 @@ pub(super) fn read_signs(
         total: read.total.into(),
         ..LevelSums::default()
     };
-    // Whether the first coefficient is not zero decides how its sign is read.
-    let has_dc = scratch.levels[0] != 0;
     let mut left = read.coded;
-    if has_dc {
+    if read.has_dc {
         let is_negative = symbols.flag(dc_sign);
         sums.dc_category = if is_negative { 1 } else { 2 };
         sums.negative = is_negative.into();
@@ -210,7 +214,7 @@ pub(super) fn read_signs(
         }
         let level = (read_golomb(&mut symbols)? + MAX_CODED_LEVEL) & 0xF_FFFF;
         sums.total = sums.total - u64::from(MAX_CODED_LEVEL + 1) + u64::from(level);
-        if level == 0 && has_dc && left + 1 == read.coded {
+        if level == 0 && read.has_dc && left + 1 == read.coded {
             sums.dc_category = 0;
         }
     }
