@@ -84,7 +84,7 @@ fuzz: $(BIN)/python
 	@for target in $(FUZZ_TARGETS); do \
 		mkdir -p $(FUZZ)/corpus/$$target; \
 		(cd $(FUZZ) && cargo fuzz run --fuzz-dir . --sanitizer none $$target corpus/$$target target/seeds/$$target -- \
-			-max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -max_len=70000 -print_final_stats=1) || exit 1; \
+			-max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -max_len=32768 -print_final_stats=1) || exit 1; \
 	done
 
 # Whole files damaged at random (MUTATIONS, SEED), and short streams cut at every byte. More streams:
