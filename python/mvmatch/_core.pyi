@@ -50,10 +50,11 @@ class ContainerReader:
 class Av1Parser:
     """Parses temporal units into coded frames, one at a time; the GIL is released meanwhile.
 
-    Signals are looked at every 50 ms: Ctrl-C ends a frame, which is lost then.
+    Signals are looked at every 50 ms: Ctrl-C ends a frame, which is lost then. Raises ``DataError``
+    at a sequence header without the chosen operating point.
     """
 
-    def __new__(cls, *, limits: Limits | None = None) -> Av1Parser: ...
+    def __new__(cls, *, limits: Limits | None = None, operating_point: int = 0) -> Av1Parser: ...
     def push(self, unit: bytes, byte_offset: int = 0) -> None:
         """Queue one temporal unit that starts at this byte of the file."""
 
@@ -99,11 +100,16 @@ class CodedFrame:
     def spatial_id(self) -> int: ...
     @property
     def unit_index(self) -> int: ...
-    def motion(self) -> dict[str, NDArray[Any]]:
-        """One row per block and reference: the columns of ``MotionField``."""
+    @property
+    def is_output(self) -> bool: ...
+    def motion(self, size: tuple[int, int] | None = None) -> dict[str, NDArray[Any]]:
+        """One row per block and reference: the columns of ``MotionField``.
+
+        In px of a picture of ``size`` (width, height), by default of the frame itself.
+        """
 
     def blocks(self) -> dict[str, NDArray[Any]]:
-        """One row per coded block, numbered as in the specification."""
+        """One row per coded block, in the specification's units: ``mv`` is [row, col] in 1/8 px."""
 
     def coefficient_stats(self) -> NDArray[np.uint64]:
         """(3, 5) counts over the transform blocks of Y, U, V."""

@@ -33,7 +33,7 @@ class RunOptions:
     """Options of a whole run, one table per stage."""
 
     read: ReadOptions = field(default_factory=ReadOptions)
-    """What a stream may cost, and what happens where it is damaged."""
+    """What a stream may cost, what happens where it is damaged, and which layers are read."""
     encode: EncodeOptions = field(default_factory=EncodeOptions)
     """Frames or other video to AV1."""
     track: TrackOptions = field(default_factory=lambda: TrackOptions.preset("default"))

@@ -107,7 +107,8 @@ def match_video(
     options : TrackOptions, optional
         How vectors become tracks; the default preset without.
     read : ReadOptions, optional
-        What the stream may cost, and what happens where it is damaged.
+        What the stream may cost, what happens where it is damaged, and which layers of a scalable
+        stream are read; see :func:`mvmatch.sources.open_video`.
     progress : Progress, optional
         Told after each frame.
 
@@ -122,7 +123,8 @@ def match_video(
     FileNotFoundError
         There is no such file.
     DataError
-        The file is not a video, or has no motion vectors (one frame, key frames only).
+        The file is not a video, has no motion vectors (one frame, key frames only) or does not have
+        the operating point.
     UnsupportedError
         The video is not AV1, or uses a tool that is not handled.
     BitstreamError
@@ -241,7 +243,12 @@ def open_source(path: Path, options: ReadOptions | None = None) -> MotionSource:
     options = options or ReadOptions()
     if is_table(path):
         return StoredMotion(path)
-    return open_video(path, errors=options.errors, limits=options.limits)
+    return open_video(
+        path,
+        errors=options.errors,
+        limits=options.limits,
+        operating_point=options.operating_point,
+    )
 
 
 def skipped_warnings(skipped: Sequence[Skipped]) -> list[str]:

@@ -44,6 +44,9 @@ DRIVES = {
     "svt_random_access_p2.ivf": (18, (208, 120)),
     "aom_realtime.ivf": (10, (208, 120)),
     "aom_good_lag.ivf": (18, (208, 120)),
+    "aom_720p.ivf": (3, (1280, 720)),
+    "aom_tiles_8x8.ivf": (4, (512, 512)),
+    "aom_segments_delta_q.ivf": (10, (208, 120)),
     "rav1e_reordered.ivf": (14, (208, 120)),
 }
 

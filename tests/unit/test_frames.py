@@ -17,6 +17,7 @@ def facts(index: int, references: tuple[int, ...]) -> FrameFacts:
         width=65_536,
         height=1,
         base_q_idx=255,
+        pts=index / 30 if index % 2 else None,
         ref_display_index=references,
     )
 

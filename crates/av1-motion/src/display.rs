@@ -12,13 +12,30 @@ pub(crate) struct DisplayOrder {
     anchor_index: i64,
     /// One more than the last position shown.
     next_index: i64,
+    /// Spatial layer and position of the last frame shown in this temporal unit.
+    shown: Option<(u8, i64)>,
 }
 
 impl DisplayOrder {
-    /// The position of a frame. A shown key frame begins anew after everything that was shown.
-    pub(crate) fn place(&mut self, sequence: &SequenceHeader, header: &FrameHeader) -> i64 {
+    /// A temporal unit begins. Containers may omit the OBU that says so.
+    pub(crate) fn begin_unit(&mut self) {
+        self.shown = None;
+    }
+
+    /// The position of a frame. A shown key frame begins anew after everything that was shown, and
+    /// so does every frame without order hints; only a higher layer of the same picture does not.
+    pub(crate) fn place(
+        &mut self,
+        sequence: &SequenceHeader,
+        header: &FrameHeader,
+        spatial_id: u8,
+    ) -> i64 {
+        let same_picture = self
+            .shown
+            .filter(|&(below, _)| below < spatial_id)
+            .map(|(_, index)| index);
         let index = if header.is_shown_key() || !sequence.enable_order_hint {
-            self.next_index
+            same_picture.unwrap_or(self.next_index)
         } else {
             let distance = sequence.relative_dist(header.order_hint, self.anchor_hint);
             self.anchor_index + i64::from(distance)
@@ -26,6 +43,7 @@ impl DisplayOrder {
         self.anchor_hint = header.order_hint;
         self.anchor_index = index;
         if header.show_frame {
+            self.shown = Some((spatial_id, index));
             self.next_index = self.next_index.max(index + 1);
         }
         index
@@ -63,7 +81,26 @@ mod tests {
                 show_frame: true,
                 ..FrameHeader::default()
             };
-            assert_eq!(order.place(&sequence, &header), i64::from(index));
+            assert_eq!(order.place(&sequence, &header, 0), i64::from(index));
         }
+    }
+
+    #[test]
+    fn layers_of_one_picture_share_its_position_even_without_order_hints() {
+        let sequence = SequenceHeader::default();
+        let inter = FrameHeader {
+            frame_type: FrameType::Inter,
+            ..FrameHeader::default()
+        };
+        let mut order = DisplayOrder::default();
+        let mut place = |header: &FrameHeader, layer: u8| order.place(&sequence, header, layer);
+        assert_eq!(place(&FrameHeader::default(), 0), 0);
+        assert_eq!(place(&FrameHeader::default(), 1), 0);
+        assert_eq!(place(&inter, 0), 1);
+        assert_eq!(place(&inter, 1), 1);
+        // Not every picture needs every layer.
+        assert_eq!(place(&inter, 1), 2);
+        order.begin_unit();
+        assert_eq!(order.place(&sequence, &inter, 2), 3);
     }
 }

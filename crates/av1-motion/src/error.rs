@@ -61,6 +61,13 @@ pub enum Error {
         /// Offset of the request in the bytes that were handed over, counted from 0.
         byte_offset: u64,
     },
+    /// The caller chose an operating point that the stream does not have.
+    OperatingPoint {
+        /// What was chosen.
+        chosen: usize,
+        /// How many there are, counted from 0.
+        available: usize,
+    },
 }
 
 impl fmt::Display for Error {
@@ -103,6 +110,12 @@ impl fmt::Display for Error {
                 formatter,
                 "missing reference frame at byte {byte_offset}: {reason} ({})",
                 Place(section)
+            ),
+            Self::OperatingPoint { chosen, available } => write!(
+                formatter,
+                "operating point {chosen} was chosen, but the stream has {available}; \
+                 choose one from 0 to {}",
+                available.saturating_sub(1)
             ),
         }
     }

@@ -65,10 +65,12 @@ impl FrameContext {
         let slot = |name: i8| &slots[header.ref_frame_idx[name as usize - 1].into()];
         let names = 1..=7_i8;
         let (mut is_scaled, mut ref_is_past, mut ref_distance) = ([false; 8], [false; 8], [0; 8]);
+        let mut ref_size = [[0; 2]; 8];
         if !header.frame_is_intra {
             for name in names {
                 let hint = header.order_hints[name as usize];
                 is_scaled[name as usize] = is_reference_scaled(header, slot(name));
+                ref_size[name as usize] = [slot(name).upscaled_width, slot(name).frame_height];
                 ref_distance[name as usize] = sequence.relative_dist(header.order_hint, hint);
                 ref_is_past[name as usize] = sequence.relative_dist(hint, header.order_hint) < 0;
             }
@@ -105,6 +107,7 @@ impl FrameContext {
             prev_segment_ids,
             projected_motion,
             is_scaled,
+            ref_size,
             ref_distance,
             ref_is_past,
             codes_tx_type: std::array::from_fn(|segment| header.qindex(segment as u8, None) > 0),

@@ -84,11 +84,12 @@ mod refs;
 )]
 mod tables;
 mod tile;
+mod trace;
 mod warp;
 
 pub use container::{ContainerKind, ContainerReader, Unit};
 pub use error::{Error, Result};
-pub use info::FrameInfo;
+pub use info::{FrameInfo, SequenceInfo};
 pub use limits::Limits;
 pub use motion::{Frame, Motion, MotionVector, Reference, flags};
 pub use parser::Parser;
@@ -96,3 +97,5 @@ pub use parser::Parser;
 #[doc(hidden)]
 pub use parser::fuzzing;
 pub use tile::{Block, CoefficientStats};
+#[cfg(feature = "trace")]
+pub use trace::{FrameTrace, SymbolCounts, TracedSlot, TransformBlock};

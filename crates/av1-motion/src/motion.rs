@@ -9,6 +9,7 @@ use crate::tables::symbols::{
     GLOBAL_GLOBALMV, GLOBALMV, LOCALWARP, OBMC, TRANSLATION, WARPEDMODEL_PREC_BITS,
 };
 use crate::tile::{Block, CoefficientStats, NO_WARP};
+use crate::trace::FrameTraceState;
 use crate::warp::is_shear_valid;
 
 /// A motion vector in the specification's order and unit: 1/8 luma sample, from the current frame to
@@ -74,6 +75,9 @@ pub struct Frame {
     pub temporal_id: u8,
     /// Spatial layer.
     pub spatial_id: u8,
+    /// The frame, or the one that is shown again, is meant to be seen (§7.18.1): it is shown and of
+    /// the highest spatial layer of the operating point.
+    pub is_output: bool,
     /// The frames behind LAST (index 0) to ALTREF (6); absent in intra frames and for lost frames.
     pub references: [Option<Reference>; 7],
     pub(crate) header: Arc<FrameHeader>,
@@ -82,9 +86,13 @@ pub struct Frame {
     pub(crate) warps: Vec<[i32; 6]>,
     pub(crate) stats: [CoefficientStats; 3],
     pub(crate) is_scaled: [bool; 8],
+    /// `RefUpscaledWidth` and `RefFrameHeight`, by reference name.
+    pub(crate) ref_size: [[u32; 2]; 8],
+    #[cfg_attr(not(feature = "trace"), expect(dead_code, reason = "empty"))]
+    pub(crate) trace: FrameTraceState,
 }
 
-/// The motion of one block towards one reference, in px of the shown picture; x to the right, y
+/// The motion of one block towards one reference, in px of the output picture; x to the right, y
 /// down, origin at the upper left corner of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
@@ -114,15 +122,28 @@ impl Frame {
         &self.blocks
     }
 
-    /// The motion of every inter block, one item per block and reference. Intra blocks and intra
-    /// block copies have none; neither has a reference that stands for the same picture.
+    /// The motion of every inter block, one item per block and reference, in px of the frame after
+    /// upscaling. Intra blocks and intra block copies have none; neither has a reference that
+    /// stands for the same picture.
     pub fn motion(&self) -> impl Iterator<Item = Motion> {
+        let size = &self.header.size;
+        self.motion_in(size.upscaled_width, size.frame_height)
+    }
+
+    /// The same in px of a picture of another size, to which every frame of the stream is brought:
+    /// references and spatial layers may have other sizes than the picture that is seen.
+    pub fn motion_in(&self, width: u32, height: u32) -> impl Iterator<Item = Motion> {
         let models = GlobalModels::new(self);
+        let size = &self.header.size;
+        let scale = [
+            f64::from(width) / f64::from(size.frame_width.max(1)),
+            f64::from(height) / f64::from(size.frame_height.max(1)),
+        ];
         self.blocks
             .iter()
             .filter(|block| !block.use_intrabc)
             .flat_map(move |block| {
-                (0..2).filter_map(move |list| self.block_motion(block, list, models))
+                (0..2).filter_map(move |list| self.block_motion(block, list, models, scale))
             })
     }
 
@@ -138,7 +159,13 @@ impl Frame {
         &self.stats
     }
 
-    fn block_motion(&self, block: &Block, list: usize, models: GlobalModels) -> Option<Motion> {
+    fn block_motion(
+        &self,
+        block: &Block,
+        list: usize,
+        models: GlobalModels,
+        scale: [f64; 2],
+    ) -> Option<Motion> {
         let name = block.ref_frame[list];
         if name <= 0 {
             return None;
@@ -147,22 +174,17 @@ impl Frame {
         if reference.display_index == self.display_index {
             return None;
         }
-        let size = &self.header.size;
-        let scale = f64::from(size.upscaled_width) / f64::from(size.frame_width);
-        let scaled = |mi_col: u32| (f64::from(mi_col * 4) * scale).round() as i32;
-        let x = scaled(block.mi_col);
+        let scaled = |mi: u32, axis: usize| (f64::from(mi * 4) * scale[axis]).round() as i32;
+        let (x, y) = (scaled(block.mi_col, 0), scaled(block.mi_row, 1));
+        let right = scaled(block.mi_col + block.width4() as u32, 0);
+        let bottom = scaled(block.mi_row + block.height4() as u32, 1);
         let mv = block.mv[list];
         let warp = self.warp_of(block, name, models);
         Some(Motion {
-            block: [
-                x,
-                block.mi_row as i32 * 4,
-                scaled(block.mi_col + block.width4() as u32) - x,
-                block.height4() as i32 * 4,
-            ],
+            block: [x, y, right - x, bottom - y],
             mv: [
-                (f64::from(mv.col) / 8.0 * scale) as f32,
-                f32::from(mv.row) / 8.0,
+                (f64::from(mv.col) / 8.0 * scale[0]) as f32,
+                (f64::from(mv.row) / 8.0 * scale[1]) as f32,
             ],
             reference,
             flags: block_flags(block),
@@ -218,18 +240,18 @@ fn block_flags(block: &Block) -> u16 {
         | flag(block.is_interintra(), flags::INTERINTRA)
 }
 
-/// Warp parameters act on sample indices of the coded frame; pixels count from the corner of the shown
-/// picture, so that sample 0 lies at 0.5.
-fn to_pixels(params: &[i32; 6], scale: f64) -> [f64; 6] {
+/// Warp parameters act on sample indices of the coded frame; pixels count from the corner of the output
+/// picture, so that sample 0 lies at 0.5 of the coded frame.
+fn to_pixels(params: &[i32; 6], [scale_x, scale_y]: [f64; 2]) -> [f64; 6] {
     let [tx, ty, xx, xy, yx, yy] =
         params.map(|value| f64::from(value) / f64::from(1 << WARPEDMODEL_PREC_BITS));
     [
         xx,
-        xy * scale,
-        scale * (tx + 0.5 - 0.5 * (xx + xy)),
-        yx / scale,
+        xy * scale_x / scale_y,
+        scale_x * (tx + 0.5 - 0.5 * (xx + xy)),
+        yx * scale_y / scale_x,
         yy,
-        ty + 0.5 - 0.5 * (yx + yy),
+        scale_y * (ty + 0.5 - 0.5 * (yx + yy)),
     ]
 }
 
@@ -240,7 +262,7 @@ mod tests {
     #[test]
     fn a_translation_keeps_its_length_when_it_moves_to_pixels() {
         let one = 1 << WARPEDMODEL_PREC_BITS;
-        let model = to_pixels(&[3 * one, -2 * one, one, 0, 0, one], 1.0);
+        let model = to_pixels(&[3 * one, -2 * one, one, 0, 0, one], [1.0; 2]);
         assert_eq!(
             model.map(f64::to_bits),
             [1.0, 0.0, 3.0, 0.0, 1.0, -2.0].map(f64::to_bits)
@@ -250,9 +272,25 @@ mod tests {
     #[test]
     fn a_zoom_about_the_first_sample_leaves_its_centre_in_place() {
         let one = 1 << WARPEDMODEL_PREC_BITS;
-        let model = to_pixels(&[0, 0, 2 * one, 0, 0, 2 * one], 1.0);
+        let model = to_pixels(&[0, 0, 2 * one, 0, 0, 2 * one], [1.0; 2]);
         let along = |row: &[f64]| row[0] * 0.5 + row[1] * 0.5 + row[2];
         assert!((along(&model[..3]) - 0.5).abs() < 1e-12);
         assert!((along(&model[3..]) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_model_says_the_same_in_the_pixels_of_a_larger_picture() {
+        let one = 1 << WARPEDMODEL_PREC_BITS;
+        let params = [5 * one, -one, one + 900, 700, -300, one - 400];
+        let (coded, output) = (to_pixels(&params, [1.0; 2]), to_pixels(&params, [2.0, 1.5]));
+        let apply = |model: &[f64; 6], [x, y]: [f64; 2]| {
+            [
+                model[0] * x + model[1] * y + model[2],
+                model[3] * x + model[4] * y + model[5],
+            ]
+        };
+        let [x, y] = apply(&coded, [40.0, 24.0]);
+        let [wide, high] = apply(&output, [80.0, 36.0]);
+        assert!((wide - 2.0 * x).abs() < 1e-9 && (high - 1.5 * y).abs() < 1e-9);
     }
 }

@@ -1,285 +1,197 @@
-//! Frames of `av1-motion` as NumPy columns.
+//! Door to `av1-motion`: files and bytes in, frames out.
 
-use av1_motion::{Block, Frame, FrameInfo};
-use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use std::fs::File;
+use std::path::PathBuf;
+
+use av1_motion::{ContainerReader, Limits, Parser};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
-/// One decoded frame, or the order to show an earlier one.
-#[pyclass(module = "mvmatch._core", frozen)]
-pub struct CodedFrame {
-    frame: Frame,
-    info: FrameInfo,
+use crate::coded_frame::CodedFrame;
+use crate::errors::{guarded, raise};
+use crate::signals::{Interruptible, Signals};
+
+/// `mvmatch.Limits`, field by field.
+#[derive(FromPyObject)]
+#[expect(
+    clippy::struct_field_names,
+    reason = "the names of `av1_motion::Limits`"
+)]
+pub struct PyLimits {
+    max_frame_area: u64,
+    max_tiles: u32,
+    max_unit_bytes: u64,
+    max_frames: Option<u64>,
+    max_unit_samples: u64,
+    max_samples: Option<u64>,
 }
 
-impl CodedFrame {
-    pub(crate) fn new(frame: Frame) -> Self {
-        Self {
-            info: frame.info(),
-            frame,
+impl PyLimits {
+    fn or_default(limits: Option<Self>) -> Limits {
+        let mut chosen = Limits::default();
+        if let Some(limits) = limits {
+            chosen.max_frame_area = limits.max_frame_area;
+            chosen.max_tiles = limits.max_tiles;
+            chosen.max_unit_bytes = limits.max_unit_bytes;
+            chosen.max_frames = limits.max_frames;
+            chosen.max_unit_samples = limits.max_unit_samples;
+            chosen.max_samples = limits.max_samples;
         }
+        chosen
     }
 }
 
-/// The values in one piece of memory, or a `MemoryError`.
-fn collected<T>(values: impl Iterator<Item = T>) -> PyResult<Vec<T>> {
-    let no_memory =
-        |error: std::collections::TryReserveError| PyMemoryError::new_err(error.to_string());
-    let mut column = Vec::new();
-    column
-        .try_reserve(values.size_hint().0)
-        .map_err(no_memory)?;
-    for value in values {
-        if column.len() == column.capacity() {
-            column.try_reserve(1).map_err(no_memory)?;
-        }
-        column.push(value);
-    }
-    Ok(column)
+/// The limits that hold when none are given, by name.
+#[pyfunction]
+pub fn default_limits(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let limits = Limits::default();
+    let named = PyDict::new(py);
+    named.set_item("max_frame_area", limits.max_frame_area)?;
+    named.set_item("max_tiles", limits.max_tiles)?;
+    named.set_item("max_unit_bytes", limits.max_unit_bytes)?;
+    named.set_item("max_frames", limits.max_frames)?;
+    named.set_item("max_unit_samples", limits.max_unit_samples)?;
+    named.set_item("max_samples", limits.max_samples)?;
+    Ok(named)
 }
 
-/// Columns of a table by name.
-struct Columns<'py>(Bound<'py, PyDict>);
+/// Presentation time, data and byte offset of a unit.
+type PyUnit<'py> = (Option<i64>, Bound<'py, PyBytes>, u64);
 
-impl<'py> Columns<'py> {
-    fn new(py: Python<'py>) -> Self {
-        Self(PyDict::new(py))
-    }
-
-    fn add<T: Element>(&self, name: &str, values: impl Iterator<Item = T>) -> PyResult<()> {
-        self.0
-            .set_item(name, collected(values)?.into_pyarray(self.0.py()))
-    }
-
-    fn add_rows<T: Element, const K: usize>(
-        &self,
-        name: &str,
-        rows: impl Iterator<Item = [T; K]>,
-    ) -> PyResult<()> {
-        self.0.set_item(name, table(self.0.py(), rows)?)
-    }
-}
-
-fn table<T: Element, const K: usize>(
-    py: Python<'_>,
-    rows: impl Iterator<Item = [T; K]>,
-) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let flat = collected(rows.flatten())?;
-    let count = flat.len() / K;
-    flat.into_pyarray(py).reshape([count, K])
+/// Units of an IVF, Section 5 or Annex B file.
+#[pyclass(module = "mvmatch._core", name = "ContainerReader")]
+pub struct PyContainerReader {
+    reader: ContainerReader<Interruptible<File>>,
+    signals: Signals,
 }
 
 #[pymethods]
-impl CodedFrame {
-    #[getter]
-    fn decode_index(&self) -> u64 {
-        self.frame.decode_index
-    }
-
-    #[getter]
-    fn display_index(&self) -> i64 {
-        self.frame.display_index
-    }
-
-    #[getter]
-    fn unit_index(&self) -> u64 {
-        self.frame.unit_index
-    }
-
-    #[getter]
-    fn temporal_id(&self) -> u8 {
-        self.frame.temporal_id
-    }
-
-    #[getter]
-    fn spatial_id(&self) -> u8 {
-        self.frame.spatial_id
-    }
-
-    #[getter]
-    fn order_hint(&self) -> u32 {
-        self.info.order_hint
-    }
-
-    #[getter]
-    fn frame_type(&self) -> &'static str {
-        ["KEY", "INTER", "INTRA_ONLY", "SWITCH"][usize::from(self.info.frame_type & 3)]
-    }
-
-    #[getter]
-    fn show_frame(&self) -> bool {
-        self.info.show_frame
-    }
-
-    #[getter]
-    fn showable_frame(&self) -> bool {
-        self.info.showable_frame
-    }
-
-    #[getter]
-    fn show_existing_frame(&self) -> bool {
-        self.info.show_existing_frame
-    }
-
-    /// Width of the shown picture.
-    #[getter]
-    fn upscaled_width(&self) -> u32 {
-        self.info.upscaled_width
-    }
-
-    /// Coded width.
-    #[getter]
-    fn width(&self) -> u32 {
-        self.info.frame_width
-    }
-
-    #[getter]
-    fn height(&self) -> u32 {
-        self.info.frame_height
-    }
-
-    #[getter]
-    fn base_q_idx(&self) -> u8 {
-        self.info.base_q_idx
-    }
-
-    #[getter]
-    fn ref_decode_index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.references(py, |reference| reference.decode_index.cast_signed())
-    }
-
-    #[getter]
-    fn ref_display_index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.references(py, |reference| reference.display_index)
-    }
-
-    /// One row for each inter block and reference.
-    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let rows = py.detach(|| collected(self.frame.motion()))?;
-        let columns = Columns::new(py);
-        columns.add_rows("block", rows.iter().map(|row| row.block))?;
-        columns.add_rows("mv", rows.iter().map(|row| row.mv))?;
-        let frame_number = |index: i64| i32::try_from(index).unwrap_or(i32::MAX);
-        columns.add(
-            "ref_frame",
-            rows.iter()
-                .map(|row| frame_number(row.reference.display_index)),
-        )?;
-        columns.add("flags", rows.iter().map(|row| row.flags))?;
-        columns.add("segment_id", rows.iter().map(|row| row.segment_id))?;
-        columns.add("qindex", rows.iter().map(|row| row.qindex))?;
-        #[expect(clippy::cast_precision_loss, reason = "a proxy, not a count")]
-        columns.add("residual", rows.iter().map(|row| row.luma_level as f32))?;
-        columns.add_rows(
-            "warp",
-            rows.iter().map(|row| row.warp.unwrap_or([f64::NAN; 6])),
-        )?;
-        Ok(columns.0)
-    }
-
-    /// One row for each coded block, under the specification's names.
-    fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let blocks = self.frame.blocks();
-        let columns = Columns::new(py);
-        macro_rules! add {
-            ($($name:literal: $value:expr),* $(,)?) => {
-                $(columns.add($name, blocks.iter().map($value))?;)*
-            };
+impl PyContainerReader {
+    #[new]
+    #[pyo3(signature = (path, *, limits=None))]
+    fn new(py: Python<'_>, path: PathBuf, limits: Option<PyLimits>) -> PyResult<Self> {
+        let (limits, signals) = (PyLimits::or_default(limits), Signals::new());
+        let watched = signals.clone();
+        let reader = guarded(py, "while a file is opened", || {
+            let file = Interruptible::new(File::open(&path)?, watched);
+            ContainerReader::new(file, &limits)
+        })?;
+        match reader {
+            Ok(reader) => Ok(Self { reader, signals }),
+            Err(error) => Err(signals.take().unwrap_or_else(|| raise(py, error))),
         }
-        add! {
-            "mi_row": |b: &Block| b.mi_row,
-            "mi_col": |b: &Block| b.mi_col,
-            "size": |b: &Block| b.size,
-            "partition": |b: &Block| b.partition,
-            "is_inter": |b: &Block| b.is_inter && !b.use_intrabc,
-            "use_intrabc": |b: &Block| b.use_intrabc,
-            "skip": |b: &Block| b.skip,
-            "skip_mode": |b: &Block| b.skip_mode,
-            "has_chroma": |b: &Block| b.has_chroma,
-            "segment_id": |b: &Block| b.segment_id,
-            "y_mode": |b: &Block| b.y_mode,
-            "uv_mode": |b: &Block| b.uv_mode,
-            "motion_mode": |b: &Block| b.motion_mode,
-            "interintra_mode": |b: &Block| b.interintra_mode,
-            "wedge_interintra": |b: &Block| b.wedge_interintra,
-            "wedge_index": |b: &Block| b.wedge_index,
-            "wedge_sign": |b: &Block| b.wedge_sign,
-            "mask_type": |b: &Block| b.mask_type,
-            "compound_type": |b: &Block| b.compound_type,
-            "comp_group_idx": |b: &Block| b.comp_group_idx,
-            "compound_idx": |b: &Block| b.compound_idx,
-            "ref_mv_idx": |b: &Block| b.ref_mv_idx,
-            "use_filter_intra": |b: &Block| b.use_filter_intra,
-            "filter_intra_mode": |b: &Block| b.filter_intra_mode,
-            "cfl_alpha_signs": |b: &Block| b.cfl_alpha_signs,
-            "cfl_alpha": |b: &Block| b.cfl_alpha,
-            "tx_size": |b: &Block| b.tx_size,
-            "q_index": |b: &Block| b.q_index,
-            "num_samples": |b: &Block| b.num_samples,
-            "is_warp_valid": |b: &Block| b.has_local_warp(),
-            "luma_level": |b: &Block| b.luma_level,
-        }
-        columns.add_rows("ref_frame", blocks.iter().map(|b| b.ref_frame))?;
-        let mvs = |b: &Block| [b.mv[0].row, b.mv[0].col, b.mv[1].row, b.mv[1].col];
-        columns.add_rows("mv", blocks.iter().map(mvs))?;
-        columns.add_rows("interp_filter", blocks.iter().map(|b| b.interp_filter))?;
-        columns.add_rows("palette_size", blocks.iter().map(|b| b.palette_size))?;
-        columns.add_rows("angle_delta", blocks.iter().map(|b| b.angle_delta))?;
-        columns.add_rows("delta_lf", blocks.iter().map(|b| b.delta_lf))?;
-        Ok(columns.0)
     }
 
-    /// Facts of the headers, under the specification's names.
-    fn header<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let info = &self.info;
-        let facts = PyDict::new(py);
-        macro_rules! set {
-            ($($name:ident),* $(,)?) => { $(facts.set_item(stringify!($name), info.$name)?;)* };
-        }
-        set! {
-            frame_type, show_existing_frame, show_frame, showable_frame, error_resilient_mode,
-            order_hint, ref_order_hint, ref_sign_bias, refresh_frame_flags,
-            primary_ref_frame, frame_width, frame_height, upscaled_width, render_width,
-            render_height, superres_denom, mi_rows, mi_cols, base_q_idx, segmentation_enabled,
-            allow_high_precision_mv, force_integer_mv, use_ref_frame_mvs, reference_select,
-            tile_cols, tile_rows, use_128x128_superblock, gm_params, bit_depth,
-            mono_chrome, subsampling_x, subsampling_y,
-        }
-        // Arrays of u8 would become bytes objects.
-        facts.set_item("ref_frame_idx", info.ref_frame_idx.map(u32::from))?;
-        facts.set_item("gm_type", info.gm_type.map(u32::from))?;
-        Ok(facts)
+    /// The next unit as (pts, data, byte offset), or None at the end.
+    fn next_unit<'py>(&mut self, py: Python<'py>) -> PyResult<Option<PyUnit<'py>>> {
+        let reader = &mut self.reader;
+        let unit = guarded(py, "while a container is split", || reader.next_unit())?;
+        let unit = unit.map_err(|error| {
+            let signal = self.signals.take();
+            signal.unwrap_or_else(|| raise(py, error))
+        })?;
+        Ok(unit.map(|unit| (unit.pts, PyBytes::new(py, &unit.data), unit.byte_offset)))
     }
 
-    /// (3, 5) counts over the transform blocks of Y, U, V: coded, all zero, sum of end-of-block
-    /// positions, sum of absolute levels, negative levels.
-    fn coefficient_stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u64>>> {
-        let stats = self.frame.coefficient_stats().iter().map(|plane| {
-            [
-                plane.coded_blocks,
-                plane.zero_blocks,
-                plane.end_of_block,
-                plane.level,
-                plane.negative,
-            ]
-        });
-        table(py, stats)
+    #[getter]
+    fn kind(&self) -> String {
+        format!("{:?}", self.reader.kind()).to_lowercase()
+    }
+
+    #[getter]
+    fn time_base(&self) -> Option<(u32, u32)> {
+        self.reader.time_base()
+    }
+
+    #[getter]
+    fn size(&self) -> Option<(u32, u32)> {
+        self.reader.size()
     }
 }
 
-impl CodedFrame {
-    fn references<'py>(
-        &self,
-        py: Python<'py>,
-        index: impl Fn(av1_motion::Reference) -> i64,
-    ) -> Bound<'py, PyArray1<i64>> {
-        let indices: Vec<i64> = self
-            .frame
-            .references
-            .iter()
-            .map(|reference| reference.map_or(-1, &index))
-            .collect();
-        indices.into_pyarray(py)
+/// The AV1 parser.
+#[pyclass(module = "mvmatch._core")]
+pub struct Av1Parser {
+    parser: Parser,
+    signals: Signals,
+    /// Frames returned so far, for messages.
+    frames: u64,
+    /// Where the last unit starts in the file, for messages.
+    byte_offset: u64,
+    /// A panic left the parser in a state that nobody knows.
+    is_broken: bool,
+}
+
+#[pymethods]
+impl Av1Parser {
+    #[new]
+    #[pyo3(signature = (*, limits=None, operating_point=0))]
+    fn new(limits: Option<PyLimits>, operating_point: usize) -> Self {
+        let signals = Signals::new();
+        let mut parser =
+            Parser::new(PyLimits::or_default(limits)).with_operating_point(operating_point);
+        let watched = signals.clone();
+        parser.interrupt_when(move || watched.are_pending());
+        Self {
+            parser,
+            signals,
+            frames: 0,
+            byte_offset: 0,
+            is_broken: false,
+        }
+    }
+
+    /// Hands over one unit.
+    #[pyo3(signature = (unit, byte_offset=0))]
+    fn push(&mut self, unit: &[u8], byte_offset: u64) -> PyResult<()> {
+        let mut data = Vec::new();
+        data.try_reserve_exact(unit.len())
+            .map_err(|error| PyMemoryError::new_err(error.to_string()))?;
+        data.extend_from_slice(unit);
+        self.byte_offset = byte_offset;
+        self.parser.push(data, byte_offset);
+        Ok(())
+    }
+
+    /// The next frame of the unit, or None when another unit is needed.
+    fn next_frame(&mut self, py: Python<'_>) -> PyResult<Option<CodedFrame>> {
+        let frame = self.run(py, Parser::next_frame)?;
+        self.frames += u64::from(frame.is_some());
+        Ok(frame.map(CodedFrame::new))
+    }
+
+    /// Checks that the last frame is complete.
+    fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, Parser::finish)
+    }
+}
+
+impl Av1Parser {
+    /// Lets the parser work without the GIL.
+    fn run<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Parser) -> av1_motion::Result<T> + Send,
+    ) -> PyResult<T> {
+        let place = format!(
+            "at frame {}, in the unit at byte {}",
+            self.frames, self.byte_offset
+        );
+        // Until the work has come to an end, nobody knows what state it leaves.
+        if std::mem::replace(&mut self.is_broken, true) {
+            return Err(crate::errors::fault(
+                py,
+                &place,
+                &"an earlier fault ended this parser",
+            ));
+        }
+        let parser = &mut self.parser;
+        let result = guarded(py, &place, move || work(parser))?;
+        self.is_broken = false;
+        result.map_err(|error| {
+            let signal = self.signals.take();
+            signal.unwrap_or_else(|| raise(py, error))
+        })
     }
 }

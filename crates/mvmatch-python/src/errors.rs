@@ -29,6 +29,7 @@ pub(crate) fn raise(py: Python<'_>, error: Error) -> PyErr {
         } => ("BitstreamError", Some((section, byte_offset))),
         Error::Unsupported { .. } => ("UnsupportedError", None),
         Error::LimitExceeded { .. } => ("LimitError", None),
+        Error::OperatingPoint { .. } => ("DataError", None),
         _ => ("MvmatchError", None),
     };
     instance(py, class, &message, |arguments| {

@@ -7,17 +7,17 @@
 use pyo3::prelude::*;
 
 mod av1;
+mod coded_frame;
 mod errors;
-mod parser;
 mod signals;
 mod tracks;
 
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use super::av1::CodedFrame;
+    use super::av1::{Av1Parser, PyContainerReader, default_limits};
     #[pymodule_export]
-    use super::parser::{Av1Parser, PyContainerReader, default_limits};
+    use super::coded_frame::CodedFrame;
     #[pymodule_export]
     use super::tracks::{TrackLinker, fit_neighbors};
 }

@@ -39,6 +39,9 @@ class Settings:
     errors: Literal["raise", "resume"] | None = None
     """At damage in an AV1 stream: stop with the frames before it, or skip what was lost."""
 
+    operating_point: int | None = None
+    """Layers of a scalable AV1 stream to read; 0, the default, usually has all of them."""
+
     config: ExistingFile | None = None
     """TOML file with options; `mvmatch run --print-config` shows one."""
 
@@ -53,9 +56,12 @@ class Settings:
         if self.config is not None:
             options = load_options(self.config, options)
         options = apply_assignments(self.set, options)
-        if self.errors is None:
-            return options
-        return replace(options, read=replace(options.read, errors=self.errors))
+        read = options.read
+        if self.errors is not None:
+            read = replace(read, errors=self.errors)
+        if self.operating_point is not None:
+            read = replace(read, operating_point=self.operating_point)
+        return replace(options, read=read)
 
 
 def apply_assignments(assignments: Sequence[str], options: RunOptions) -> RunOptions:

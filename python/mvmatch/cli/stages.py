@@ -124,7 +124,9 @@ def extract(
 
     structure = ReferenceStructure()
     read = (settings or Settings()).options().read
-    video = open_video(clip, errors=read.errors, limits=read.limits)
+    video = open_video(
+        clip, errors=read.errors, limits=read.limits, operating_point=read.operating_point
+    )
     with Ticker() as tell, video as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))
         rows = write_motion(reading, table, info=source.info, frames=lambda: source.frames)

@@ -12,6 +12,7 @@ from mvmatch import _core
 from mvmatch.errors import BitstreamError, DataError, MvmatchError
 from mvmatch.sources.base import unsupported_codec
 from mvmatch.sources.frames import FrameFacts, FrameLog
+from mvmatch.sources.matroska import missing_bytes
 from mvmatch.sources.options import ReadOptions, Skipped
 from mvmatch.types import MotionField, VideoInfo
 
@@ -51,7 +52,7 @@ class Av1Source:
     close : callable
         Releases the container.
     options : ReadOptions, optional
-        What the stream may cost, and what happens where it is damaged.
+        What the stream may cost, what happens where it is damaged, and which layers are read.
     num_frames, frame_rate
         What the container says, None when it does not.
     """
@@ -72,7 +73,9 @@ class Av1Source:
         options = options or ReadOptions()
         self._resumes = options.errors == "resume"
         self._skipped: list[Skipped] = []
-        self._parser = _core.Av1Parser(limits=options.limits)
+        self._parser = _core.Av1Parser(
+            limits=options.limits, operating_point=options.operating_point
+        )
         self._frames = FrameLog()
         self._pts: float | None = None
         try:
@@ -87,9 +90,10 @@ class Av1Source:
                 message = f"{path} has no frame that can be read. {self._skipped[0]}"
             raise BitstreamError(message)
         self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
+        width, height = _output_size(first, options.operating_point)
         self._info = VideoInfo(
-            width=first.upscaled_width,
-            height=first.height,
+            width=width,
+            height=height,
             num_frames=num_frames,
             frame_rate=frame_rate,
             codec="av1",
@@ -125,7 +129,7 @@ class Av1Source:
         """Yield the field of every coded frame; damage raises after them, or is skipped."""
         for coded, pts in self.coded_frames():
             if not coded.show_existing_frame:
-                yield _field(coded, pts)
+                yield _field(coded, pts, size=(self._info.width, self._info.height))
 
     def coded_frames(self) -> Iterator[tuple[_core.CodedFrame, float | None]]:
         """Yield every coded frame, and every order to show one again, with its time in s."""
@@ -136,7 +140,7 @@ class Av1Source:
                 coded, pts = self._next_coded(), self._pts
             if coded is None:
                 return
-            self._frames.append(_facts(coded))
+            self._frames.append(_facts(coded, pts))
             yield coded, pts
 
     def _next_coded(self) -> _core.CodedFrame | None:
@@ -254,7 +258,7 @@ def open_demuxed(path: Path, *, options: ReadOptions | None = None) -> Av1Source
         rate: Fraction | None = stream.average_rate
         source = Av1Source(
             path,
-            _packets(container, stream),
+            _packets(path, container, stream),
             close=container.close,
             options=options,
             num_frames=stream.frames or None,
@@ -264,7 +268,7 @@ def open_demuxed(path: Path, *, options: ReadOptions | None = None) -> Av1Source
     return source
 
 
-def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
+def _packets(path: Path, container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
     """Yield the packets of a demuxed stream; the first one is preceded by the codec's set-up."""
     from av.error import FFmpegError
 
@@ -284,6 +288,9 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Unit]:
     except FFmpegError as error:
         message = f"the container is damaged: {_reason(error)}"
         raise BitstreamError(message) from error
+    if lost := missing_bytes(path):
+        message = f"the file ends after {count} frames, {lost} bytes before the end it announces"
+        raise BitstreamError(message)
     if count < stream.frames:
         message = f"the file ends after {count} of {stream.frames} frames"
         raise BitstreamError(message)
@@ -311,32 +318,46 @@ def _configuration_obus(extradata: bytes | None) -> bytes:
     return extradata[4:] if extradata[0] == 0x81 else extradata
 
 
-def _facts(coded: _core.CodedFrame) -> FrameFacts:
+def _output_size(first: _core.CodedFrame, operating_point: int) -> tuple[int, int]:
+    """Return (width, height) in px of the pictures that a player shows.
+
+    Frames of one stream can have several sizes (spatial layers, or an encoder that saves bits);
+    players bring them to that of the first one shown, which of several layers is the largest.
+    """
+    header = first.header()
+    spatial_layers = header["operating_point_idc"][operating_point] >> 8
+    if spatial_layers.bit_count() > 1:
+        return header["max_frame_width"], header["max_frame_height"]
+    return first.upscaled_width, first.height
+
+
+def _facts(coded: _core.CodedFrame, pts: float | None) -> FrameFacts:
     intra = coded.frame_type in {"KEY", "INTRA_ONLY"}
     references = np.asarray(coded.ref_display_index)
     return FrameFacts(
         decode_index=coded.decode_index,
         display_index=coded.display_index,
         frame_type=coded.frame_type,
-        is_shown=bool(coded.show_frame or coded.show_existing_frame),
+        is_shown=coded.is_output,
         is_repeat=coded.show_existing_frame,
         width=coded.upscaled_width,
         height=coded.height,
         base_q_idx=coded.base_q_idx,
+        pts=pts if coded.is_output else None,
         ref_display_index=() if intra else tuple(int(index) for index in references),
     )
 
 
-def _field(coded: _core.CodedFrame, pts: float | None) -> MotionField:
-    columns = coded.motion()
+def _field(coded: _core.CodedFrame, pts: float | None, *, size: tuple[int, int]) -> MotionField:
+    columns = coded.motion(size)
     return MotionField(
         frame=coded.display_index,
         decode_index=coded.decode_index,
-        pts=pts if coded.show_frame else None,
-        width=coded.upscaled_width,
-        height=coded.height,
+        pts=pts if coded.is_output else None,
+        width=size[0],
+        height=size[1],
         is_key=coded.frame_type in {"KEY", "INTRA_ONLY"},
-        is_shown=coded.show_frame,
+        is_shown=coded.is_output,
         **{name: columns[name] for name in _SHARED_COLUMNS},
     )
 

@@ -85,7 +85,11 @@ def sniff(path: Path) -> Kind:
 
 
 def open_video(
-    path: str | PathLike[str], *, errors: Errors = "raise", limits: Limits | None = None
+    path: str | PathLike[str],
+    *,
+    errors: Errors = "raise",
+    limits: Limits | None = None,
+    operating_point: int = 0,
 ) -> MotionSource:
     """Open a video and read its motion vectors; no pixel is decoded.
 
@@ -101,6 +105,9 @@ def open_video(
         number of pictures that nothing in the stream tells of.
     limits : Limits, optional
         What the stream may cost; :class:`~mvmatch.sources.Limits` with its defaults without.
+    operating_point : int
+        Which of a scalable stream's operating points to read: 0 usually has all layers, others
+        leave temporal or spatial layers out.
 
     Returns
     -------
@@ -112,7 +119,7 @@ def open_video(
     FileNotFoundError
         There is no such file.
     DataError
-        The file is empty, is text or holds no video.
+        The file is empty, is text, holds no video or has no such operating point.
     NotAv1Error
         The video is of another codec.
     UnsupportedError
@@ -123,6 +130,9 @@ def open_video(
         Its first frame asks for more than ``limits`` allow.
     """
     path = Path(path)
+    if operating_point < 0:
+        message = f"operating points are counted from 0; there is no {operating_point}"
+        raise DataError(message)
     if not path.exists():
         message = f"there is no file {path}"
         raise FileNotFoundError(message)
@@ -142,7 +152,7 @@ def open_video(
 
     from mvmatch.sources import av1
 
-    options = ReadOptions(errors=errors, limits=limits or Limits())
+    options = ReadOptions(errors=errors, limits=limits or Limits(), operating_point=operating_point)
     if kind == "av1-elementary":
         return av1.open_elementary(path, options=options)
     return av1.open_demuxed(path, options=options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ class FrameFacts:
     frame_type: str
     """``"KEY"``, ``"INTER"``, ``"INTRA_ONLY"`` or ``"SWITCH"``."""
     is_shown: bool
-    """Whether this header puts a picture on the screen."""
+    """Whether this header puts a picture on the screen; of the spatial layers of one picture only
+    the highest does."""
     is_repeat: bool
     """Whether it only shows a frame decoded earlier (``show_existing_frame``)."""
     width: int
@@ -34,19 +36,24 @@ class FrameFacts:
     """Shown height in px."""
     base_q_idx: int
     """Base quantiser index, 0 to 255."""
+    pts: float | None = None
+    """Time in s at which the picture is shown, from the container; None for hidden frames."""
     ref_display_index: tuple[int, ...]
     """Display indices of the seven named references, -1 where there is none; empty when intra."""
 
 
 class FrameLog(Sequence[FrameFacts]):
-    """Facts of many frames, 120 bytes each."""
+    """Facts of many frames, 128 bytes each."""
 
     def __init__(self) -> None:
         self._values = array("q")
+        # NaN where there is no time.
+        self._times = array("d")
 
     def append(self, facts: FrameFacts) -> None:
         """Add one frame at the end."""
         references = facts.ref_display_index
+        self._times.append(math.nan if facts.pts is None else facts.pts)
         self._values.extend(
             (
                 facts.decode_index,
@@ -63,7 +70,7 @@ class FrameLog(Sequence[FrameFacts]):
         )
 
     def __len__(self) -> int:
-        return len(self._values) // _STRIDE
+        return len(self._times)
 
     @overload
     def __getitem__(self, index: int) -> FrameFacts: ...
@@ -74,8 +81,9 @@ class FrameLog(Sequence[FrameFacts]):
     def __getitem__(self, index: int | slice) -> FrameFacts | Sequence[FrameFacts]:
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
-        start = range(len(self))[index] * _STRIDE
-        values = self._values[start : start + _STRIDE]
+        number = range(len(self))[index]
+        values = self._values[number * _STRIDE : (number + 1) * _STRIDE]
+        pts = self._times[number]
         decode_index, display_index, kind, bits, width, height, base_q_idx, count = values[:_FACTS]
         return FrameFacts(
             decode_index=decode_index,
@@ -86,5 +94,6 @@ class FrameLog(Sequence[FrameFacts]):
             width=width,
             height=height,
             base_q_idx=base_q_idx,
+            pts=None if math.isnan(pts) else pts,
             ref_display_index=tuple(values[_FACTS : _FACTS + count]),
         )

@@ -1,4 +1,4 @@
-"""How a stream is read: what it may cost, and what happens where it is damaged."""
+"""How a stream is read: what it may cost, where it is damaged, and which of its layers."""
 
 from __future__ import annotations
 
@@ -41,6 +41,9 @@ class ReadOptions:
     depends on nothing that was lost."""
     limits: Limits = field(default_factory=Limits)
     """What the stream may cost."""
+    operating_point: int = 0
+    """Which of a scalable stream's operating points to read: 0 usually has all layers, others leave
+    temporal or spatial layers out."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ use std::hint::select_unpredictable;
 
 use super::cdf::{Cdf, Cdf2};
 use crate::tables::symbols::{EC_MIN_PROB, EC_PROB_SHIFT};
+use crate::trace::SymbolCounter;
 
 /// §8.2.2: the arithmetic decoder over the bytes of one tile. A loop that reads many symbols works on
 /// a copy, which stays in registers, and puts it back.
@@ -29,6 +30,7 @@ pub(crate) struct SymbolDecoder<'a> {
     range: u32,
     /// Whether probabilities adapt (`disable_cdf_update` is 0).
     adapts: bool,
+    pub(crate) counter: SymbolCounter,
 }
 
 impl<'a> SymbolDecoder<'a> {
@@ -43,6 +45,7 @@ impl<'a> SymbolDecoder<'a> {
             count: count + 8 * bytes,
             range: 1 << 15,
             adapts,
+            counter: SymbolCounter::default(),
         }
     }
 
@@ -72,6 +75,7 @@ impl<'a> SymbolDecoder<'a> {
     /// §8.2.6: reads a symbol of `N` values and adapts its distribution.
     #[inline(always)]
     pub(crate) fn symbol<const N: usize, const W: usize>(&mut self, cdf: &mut Cdf<N, W>) -> u8 {
+        self.counter.symbol(N);
         if W > 1 {
             let symbol = self.symbol_of_many(cdf);
             self.adapt(cdf, symbol);
@@ -152,6 +156,7 @@ impl<'a> SymbolDecoder<'a> {
     /// §8.3.2: a flag whose (inverse) probability is derived and does not adapt.
     #[inline(always)]
     pub(crate) fn split(&mut self, probability: u16) -> bool {
+        self.counter.symbol(2);
         let bound = bound(self.range >> 8, probability, 1);
         let bit = self.value() < bound;
         if bit {
@@ -165,6 +170,7 @@ impl<'a> SymbolDecoder<'a> {
     /// §8.2.3 `read_bool`.
     #[inline(always)]
     pub(crate) fn bit(&mut self) -> bool {
+        self.counter.symbol(2);
         // `bound( )` of one half.
         let half = (self.range >> 8 << 7) + EC_MIN_PROB;
         let bit = self.value() < half;

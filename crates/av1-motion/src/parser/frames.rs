@@ -158,14 +158,19 @@ impl Parser {
         });
         self.refresh(&header, &context.sequence, &state);
         self.num_decoded += 1;
+        let trace = std::mem::take(&mut self.trace).finish(&current.tiles);
+        let is_output = header.show_frame && self.outputs_layer(current.obu.spatial_id);
         Frame {
             decode_index: state.decode_index,
             display_index: state.display_index,
             unit_index: self.num_units - 1,
             temporal_id: current.obu.temporal_id,
             spatial_id: current.obu.spatial_id,
+            is_output,
             references: current.references,
             is_scaled: context.is_scaled,
+            ref_size: context.ref_size,
+            trace,
             header,
             sequence: context.sequence,
             blocks: joined.blocks,
@@ -197,6 +202,7 @@ impl Parser {
             unit_index: self.num_units - 1,
             temporal_id: obu.header.temporal_id,
             spatial_id: obu.header.spatial_id,
+            is_output: self.outputs_layer(obu.header.spatial_id),
             references: [None; 7],
             header,
             sequence,
@@ -204,6 +210,8 @@ impl Parser {
             warps: Vec::new(),
             stats: [CoefficientStats::default(); 3],
             is_scaled: [false; 8],
+            ref_size: [[0; 2]; 8],
+            trace: std::mem::take(&mut self.trace),
         })
     }
 

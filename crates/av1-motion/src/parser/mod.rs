@@ -19,6 +19,7 @@ use crate::obu::sequence_header::SequenceHeader;
 use crate::obu::tile_group::TileGroup;
 use crate::refs::ReferenceSlots;
 use crate::tile::{TileBounds, TileDecoder};
+use crate::trace::FrameTraceState;
 use frames::{CurrentFrame, LostFrame};
 
 /// Reads the motion of an AV1 stream, frame by frame.
@@ -39,6 +40,8 @@ use frames::{CurrentFrame, LostFrame};
 #[derive(Default)]
 pub struct Parser {
     limits: Limits,
+    /// §6.4.1 `operatingPoint`.
+    operating_point: usize,
     sequence: Option<Arc<SequenceHeader>>,
     slots: ReferenceSlots,
     states: FrameStates,
@@ -57,6 +60,8 @@ pub struct Parser {
     interrupt: Interrupt,
     /// Tile groups belong to a frame that is lost already.
     skips_tiles: bool,
+    /// Of the frame that is being read.
+    trace: FrameTraceState,
 }
 
 /// The bytes that are being read.
@@ -92,6 +97,17 @@ impl Parser {
         Self {
             limits,
             ..Self::default()
+        }
+    }
+
+    /// The same parser for another operating point of scalable streams: 0, the default, is the one
+    /// that a stream recommends and usually has all layers; others leave layers out. A stream that
+    /// does not have it gives [`Error::OperatingPoint`] at its first sequence header.
+    #[must_use]
+    pub fn with_operating_point(self, operating_point: usize) -> Self {
+        Self {
+            operating_point,
+            ..self
         }
     }
 
@@ -173,11 +189,7 @@ impl Parser {
             header.obu_type,
             ObuType::SequenceHeader | ObuType::TemporalDelimiter
         );
-        let idc = self
-            .sequence
-            .as_ref()
-            .map_or(0, |sequence| sequence.operating_points[0].idc);
-        if is_layered && header.is_dropped(idc) {
+        if is_layered && header.is_dropped(self.operating_point_idc()) {
             return Ok(None);
         }
         match header.obu_type {
@@ -185,6 +197,13 @@ impl Parser {
                 let payload = &self.unit.data[obu.payload.clone()];
                 let mut reader = BitReader::new(payload, obu.byte_offset);
                 let sequence = SequenceHeader::parse(&mut reader)?;
+                let available = sequence.operating_points.len();
+                if self.operating_point >= available {
+                    return Err(Error::OperatingPoint {
+                        chosen: self.operating_point,
+                        available,
+                    });
+                }
                 if self.sequence.as_deref() != Some(&sequence) {
                     self.sequence = Some(Arc::new(sequence));
                 }
@@ -204,12 +223,29 @@ impl Parser {
                 feature: "large scale tile decoding".into(),
                 section: "5.12",
             }),
-            ObuType::TemporalDelimiter
-            | ObuType::RedundantFrameHeader
+            ObuType::TemporalDelimiter => {
+                self.display.begin_unit();
+                Ok(None)
+            }
+            ObuType::RedundantFrameHeader
             | ObuType::Metadata
             | ObuType::Padding
             | ObuType::Reserved(_) => Ok(None),
         }
+    }
+
+    /// §6.4.1 `OperatingPointIdc`: 0 when every frame is read.
+    fn operating_point_idc(&self) -> u16 {
+        self.sequence
+            .as_ref()
+            .and_then(|sequence| sequence.operating_points.get(self.operating_point))
+            .map_or(0, |point| point.idc)
+    }
+
+    /// §7.18.1: whether frames of a spatial layer are meant to be seen.
+    fn outputs_layer(&self, spatial_id: u8) -> bool {
+        let layers = self.operating_point_idc() >> 8;
+        layers == 0 || u32::from(spatial_id) == layers.ilog2()
     }
 
     /// §5.9.1 `frame_header_obu`: the length of the header with its byte alignment, and the frame when
@@ -217,6 +253,7 @@ impl Parser {
     fn read_frame_header(&mut self, obu: &Obu) -> Result<(usize, Option<Frame>)> {
         self.skips_tiles = false;
         self.work.add_header(&self.limits)?;
+        self.trace = FrameTraceState::begin(&self.slots, &self.states);
         let payload = &self.unit.data[obu.payload.clone()];
         let mut reader = BitReader::new(payload, obu.byte_offset);
         let Some(sequence) = self.sequence.clone() else {
@@ -261,7 +298,9 @@ impl Parser {
         let (width, height) = (header.size.upscaled_width, header.size.frame_height);
         self.work.add_frame(width, height, &self.limits)?;
         let length = reader.position() / 8;
-        let display_index = self.display.place(&sequence, &header);
+        let display_index = self
+            .display
+            .place(&sequence, &header, obu.header.spatial_id);
         match self.start_frame(obu, &sequence, &header, display_index) {
             Ok(current) => {
                 self.current = Some(current);
@@ -289,6 +328,7 @@ impl Parser {
         let header = current.context.header.clone();
         let next_tile = current.tiles.len() as u32;
         let group = TileGroup::parse(data, byte_offset, &header.tile_info, next_tile)?;
+        self.trace.tile_group(next_tile as usize);
         for tile in &group.tiles {
             let bounds = tile_bounds(&header, tile.tile_num);
             let cdfs = Box::new((*current.cdfs).clone());

@@ -55,12 +55,15 @@ impl TileDecoder<'_> {
             fill_few(&mut self.above.coefficients[plane][cols], 0);
             fill_few(&mut self.left.coefficients[plane][rows], 0);
             self.stats[plane].zero_blocks += 1;
+            self.trace.transform_block(plane, (x4, y4), tx_size, None);
             return Ok(());
         }
         let tx_type = match area {
             Some(area) => self.luma_tx_type(block, tx_size, area),
             None => self.chroma_tx_type(block, context, tx_size, x4, y4),
         };
+        self.trace
+            .transform_block(plane, (x4, y4), tx_size, Some(tx_type));
         let class = tx_class(tx_type);
         let plane_type = usize::from(plane > 0);
         let coef = &mut self.cdfs.coef;

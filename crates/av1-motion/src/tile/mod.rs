@@ -34,6 +34,7 @@ use crate::mvpred::projection::ProjectedMotion;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::sequence_header::SequenceHeader;
 use crate::tables::block_size::{BLOCK_64X64, BLOCK_128X128};
+use crate::trace::TileTrace;
 use levels::CoefficientScratch;
 use loop_restoration::RestorationReferences;
 
@@ -92,6 +93,8 @@ pub(crate) struct FrameContext {
     pub(crate) projected_motion: Option<ProjectedMotion>,
     /// `is_scaled` by reference name.
     pub(crate) is_scaled: [bool; 8],
+    /// `RefUpscaledWidth` and `RefFrameHeight`, by reference name.
+    pub(crate) ref_size: [[u32; 2]; 8],
     /// `get_relative_dist( OrderHint, OrderHints[ name ] )`: positive for past references.
     pub(crate) ref_distance: [i32; 8],
     /// §7.19: whether a reference precedes the frame, by name.
@@ -186,6 +189,8 @@ pub(crate) struct TileOutput {
     pub(crate) cdfs: Option<Box<CdfSet>>,
     /// Set when the tile was not read to its end; `blocks` then ends before the damage.
     pub(crate) error: Option<TileStop>,
+    #[cfg_attr(not(feature = "trace"), expect(dead_code, reason = "empty"))]
+    pub(crate) trace: TileTrace,
 }
 
 /// §5.11.2: the state of one tile.
@@ -211,6 +216,7 @@ pub(crate) struct TileDecoder<'a> {
     stats: [CoefficientStats; 3],
     scratch: Box<CoefficientScratch>,
     palette: Box<palette::PaletteScratch>,
+    trace: TileTrace,
 }
 
 impl<'a> TileDecoder<'a> {
@@ -238,6 +244,7 @@ impl<'a> TileDecoder<'a> {
             stats: [CoefficientStats::default(); 3],
             scratch: Box::default(),
             palette: Box::default(),
+            trace: TileTrace::default(),
         })
     }
 
@@ -250,6 +257,7 @@ impl<'a> TileDecoder<'a> {
             stats: self.stats,
             cdfs: Some(self.cdfs),
             error,
+            trace: self.trace.finish(self.symbols.counter),
         }
     }
 

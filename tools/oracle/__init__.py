@@ -1,0 +1,1 @@
+"""Parts of ``tools/conformance.py``: what libaom's inspection hook saw, beside what we see."""
