@@ -50,8 +50,9 @@
 //! terminal and has no dependencies and no unsafe code.
 //!
 //! # Features and versions
-//! There are no cargo features. Public enums are non-exhaustive where the format or the parser may grow;
-//! a field that is added to [`Limits`], [`Block`] or [`FrameInfo`] makes a minor version before 1.0.
+//! The only cargo feature, `trace`, serves the tests of this repository and may change at any time.
+//! Public enums are non-exhaustive where the format or the parser may grow; a field that is added to
+//! [`Limits`], [`Block`] or [`FrameInfo`] makes a minor version before 1.0.
 //!
 //! Written from the AV1 specification; `§` names its sections (edition of June 2023).
 #![forbid(unsafe_code)]
