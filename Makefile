@@ -49,6 +49,7 @@ test: setup
 lint: setup
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --quiet -p av1-motion -p motion-tracks
 	cargo clippy --workspace --all-targets --features av1-motion/trace,mvmatch-python/trace --quiet -- -D warnings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -84,7 +85,7 @@ fuzz: $(BIN)/python
 	@for target in $(FUZZ_TARGETS); do \
 		mkdir -p $(FUZZ)/corpus/$$target; \
 		(cd $(FUZZ) && cargo fuzz run --fuzz-dir . --sanitizer none $$target corpus/$$target target/seeds/$$target -- \
-			-max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -max_len=70000 -print_final_stats=1) || exit 1; \
+			-max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -max_len=32768 -print_final_stats=1) || exit 1; \
 	done
 
 # Whole files damaged at random (MUTATIONS, SEED), and short streams cut at every byte. More streams:

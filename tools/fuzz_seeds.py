@@ -1,6 +1,6 @@
 """Write the seed inputs of the fuzz targets, derived from the streams of the tests.
 
-    python tools/fuzz_seeds.py FOLDER        (FOLDER/<target>/..., about 10 MB)
+    python tools/fuzz_seeds.py FOLDER        (FOLDER/<target>/..., about 2 MB)
 
 Only the standard library is needed.
 """
@@ -14,7 +14,7 @@ DATA = Path(__file__).resolve().parent.parent / "tests" / "data"
 IVF_HEADER, PACKET_HEADER = 32, 12
 KIND_TO_CODE = {1: 0, 6: 1, 3: 3, 4: 4, 7: 5, 2: 6}
 """OBU types to the codes of `fuzz_targets/headers.rs`."""
-LARGEST_FILE = 60_000
+LARGEST_FILE = 16_000
 
 
 def leb128(value: int) -> bytes:

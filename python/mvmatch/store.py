@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from mvmatch.sources.options import Skipped
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Raised when a column changes its meaning."""
 
 _CONVENTIONS = (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mvmatch import Limits, _core, open_video
+from mvmatch.cli import main
 from mvmatch.errors import LimitError
 
 if TYPE_CHECKING:
@@ -55,3 +56,14 @@ def test_a_limit_is_an_error_also_where_damage_is_skipped(data: Path) -> None:
     video = open_video(data / "aom_64.ivf", errors="resume", limits=Limits(max_frames=2))
     with video, pytest.raises(LimitError):
         list(video)
+
+
+def test_the_command_line_sets_limits_and_says_how_to_raise_them(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["probe", str(data / "aom_64.ivf"), "--set"]
+    assert main([*words, "read.limits.max_frames=3"]) == 1
+    errors = capsys.readouterr().err
+    assert "max_frames = 4, but the limit is 3" in errors
+    assert "--set read.limits.NAME=VALUE" in errors
+    assert main([*words, "read.limits.max_frames=off"]) == 0

@@ -22,7 +22,7 @@ pub struct Limits {
     pub max_unit_samples: u64,
     /// Luma samples of all frames of the stream, counted likewise. `None`, the default, means no
     /// bound: an honest stream can be of any length. A service that reads files of strangers should
-    /// set it: one core reads 50 to 500 million samples a second.
+    /// set it: one core reads 50 million (noise) to 5 billion (empty areas) samples a second.
     pub max_samples: Option<u64>,
 }
 

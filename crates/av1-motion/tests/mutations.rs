@@ -20,7 +20,7 @@ mod damage;
 static ALLOCATOR: counting::Counting = counting::Counting;
 
 /// Bytes of one allocation for each luma sample of the largest frame, as `docs/reliability.md` says.
-const BYTES_PER_SAMPLE: u64 = 12;
+const BYTES_PER_SAMPLE: u64 = 9;
 
 /// One undamaged stream and what it holds.
 struct Original {

@@ -121,7 +121,10 @@ def _general_advice(error: Exception) -> str:
     if isinstance(error, UnsupportedError):
         return "Encode the video anew with plain settings: mvmatch encode VIDEO clip.ivf."
     if isinstance(error, LimitError):
-        return "The limits protect against hostile files; encode the video at a smaller size."
+        return (
+            "The limits protect against hostile files; if you trust this one, "
+            "raise it: --set read.limits.NAME=VALUE."
+        )
     if isinstance(error, MissingExtraError):
         return "Install it and try again."
     return "`mvmatch --help` shows what each verb takes."

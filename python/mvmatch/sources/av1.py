@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from av import VideoStream
+    from av import CodecContext, VideoStream
     from av.container import InputContainer
 
     Unit = tuple[float | None, bytes, int]
@@ -259,7 +259,7 @@ def open_demuxed(path: Path, *, options: ReadOptions | None = None) -> Av1Source
     from av.error import FFmpegError
 
     try:
-        container = av.open(str(path))
+        container = av.open(str(path), metadata_errors="replace")
     except (FFmpegError, OSError) as error:
         message = (
             f"{path} is not a video that can be read ({_reason(error)}). "
@@ -273,7 +273,12 @@ def open_demuxed(path: Path, *, options: ReadOptions | None = None) -> Av1Source
             message = f"{path} holds no video stream"
             raise DataError(message)
         stream = container.streams.video[0]
-        codec = stream.codec_context.codec.canonical_name
+        # PyAV gives None where FFmpeg knows no decoder, whatever its types say.
+        context = cast("CodecContext | None", stream.codec_context)
+        if context is None:
+            message = f"{path} holds video of a codec that its container does not name"
+            raise DataError(message)
+        codec = context.codec.canonical_name
         if codec != "av1":
             raise unsupported_codec(path, codec)
         rate: Fraction | None = stream.average_rate

@@ -18,8 +18,8 @@ class Limits:
     """
 
     max_frame_area: int = 35_651_584
-    """Luma samples of one frame: the largest picture of AV1 level 6.x (8192x4352). Memory grows
-    with it, 20 bytes per sample at most."""
+    """Luma samples of one frame: the largest picture of AV1 level 6.x (8192x4352). The most memory
+    that a file can take grows with it (docs/reliability.md)."""
     max_tiles: int = 4096
     """Tiles of one frame."""
     max_unit_bytes: int = 256 << 20

@@ -83,16 +83,15 @@ class ReferenceStructure:
 
     def summary(self, frames: Sequence[FrameFacts]) -> dict[str, Any]:
         """Return the counts as plain numbers for reports (docs/reference/report-schema.md)."""
-        coded = [frame for frame in frames if not frame.is_repeat]
-        keys = [frame.display_index for frame in coded if frame.frame_type == "KEY"]
+        counts, keys = _count(frames)
         total_area = sum(self._area.values())
         return {
-            "coded_frames": len(coded),
-            "shown_frames": sum(frame.is_shown for frame in frames),
-            "hidden_frames": sum(not frame.is_shown for frame in coded),
-            "repeated_frames": sum(frame.is_repeat for frame in frames),
+            "coded_frames": counts["coded"],
+            "shown_frames": counts["shown"],
+            "hidden_frames": counts["hidden"],
+            "repeated_frames": counts["repeated"],
             "key_frames": keys,
-            "intra_frames": sum(frame.frame_type in {"KEY", "INTRA_ONLY"} for frame in coded),
+            "intra_frames": counts["intra"],
             "num_vectors": self.num_vectors,
             "vectors_per_distance": {str(d): self._rows[d] for d in sorted(self._rows)},
             "area_share_per_distance": {
@@ -108,15 +107,14 @@ class ReferenceStructure:
     def warnings(self, frames: Sequence[FrameFacts]) -> list[str]:
         """Say in whole sentences what will make matching hard."""
         found: list[str] = []
-        coded = [frame for frame in frames if not frame.is_repeat]
-        keys = [frame for frame in coded if frame.frame_type == "KEY"]
-        if len(coded) > 1 and len(keys) == len(coded):
+        counts, keys = _count(frames)
+        if counts["coded"] > 1 and len(keys) == counts["coded"]:
             found.append(
                 "Every frame is a key frame: there are no motion vectors at all. "
                 "Re-encode the video for matching (mvmatch encode)."
             )
         elif len(keys) > 1:
-            spacing = len(coded) / len(keys)
+            spacing = counts["coded"] / len(keys)
             tail = " Tracks cannot reach three frames." if spacing < 3 else ""
             found.append(
                 f"{len(keys)} key frames, one in {spacing:.1f} frames: every one cuts all tracks."
@@ -133,6 +131,23 @@ class ReferenceStructure:
                 "the encoder found little motion it could use."
             )
         return found
+
+
+def _count(frames: Sequence[FrameFacts]) -> tuple[Counter[str], list[int]]:
+    """Count kinds of frames in one pass; return the display indices of key frames too."""
+    counts: Counter[str] = Counter()
+    keys: list[int] = []
+    for frame in frames:
+        counts["shown"] += frame.is_shown
+        if frame.is_repeat:
+            counts["repeated"] += 1
+            continue
+        counts["coded"] += 1
+        counts["hidden"] += not frame.is_shown
+        counts["intra"] += frame.frame_type in {"KEY", "INTRA_ONLY"}
+        if frame.frame_type == "KEY":
+            keys.append(frame.display_index)
+    return counts, keys
 
 
 def _area_inside(field: MotionField) -> NDArray[np.int64]:

@@ -11,8 +11,8 @@ fuzz_target!(|data: &[u8]| {
 
 fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
     let mut random = Random::new(seed.into());
-    let streams = fuzz_support::corpus();
-    let other = &streams[random.below(streams.len())];
+    let streams = fuzz_support::small_streams();
+    let other = streams[random.below(streams.len())];
     let changed = match random.below(8) {
         0 => None,
         1 => structure::mutate(other, &data[..size], &mut random),

@@ -38,6 +38,15 @@ pub fn corpus() -> &'static [Vec<u8>] {
     })
 }
 
+/// Those streams of the corpus that are read quickly.
+pub fn small_streams() -> &'static [&'static [u8]] {
+    static SMALL: OnceLock<Vec<&[u8]>> = OnceLock::new();
+    SMALL.get_or_init(|| {
+        let streams = corpus().iter().map(Vec::as_slice);
+        streams.filter(|stream| stream.len() < 16_000).collect()
+    })
+}
+
 /// Reads a whole file and goes on after errors, as `errors="resume"` does.
 pub fn read(bytes: &[u8]) -> Vec<Frame> {
     let limits = limits();

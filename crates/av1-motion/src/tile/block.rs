@@ -8,42 +8,65 @@ use crate::tables::block_size::{NUM_4X4_BLOCKS_HIGH, NUM_4X4_BLOCKS_WIDE};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "syntax elements, one to one")]
 pub struct Block {
+    /// Row of the upper left corner, in units of 4 luma samples.
     pub mi_row: u32,
+    /// Column of the upper left corner, in units of 4 luma samples of the coded frame.
     pub mi_col: u32,
-    /// `MiSize`.
+    /// `MiSize`, from 0 for 4x4 to 21 for 64x16 (§6.10.4).
     pub size: u8,
     /// `partition` of the node that the block belongs to.
     pub partition: u8,
+    /// The block is predicted from other frames, or from this one (`use_intrabc`).
     pub is_inter: bool,
+    /// Intra block copy: `mv[0]` points into the same frame. That is no motion.
     pub use_intrabc: bool,
+    /// No coefficients are coded.
     pub skip: bool,
+    /// The block repeats the nearest compound prediction without further syntax.
     pub skip_mode: bool,
+    /// The block carries the chroma of its place; of small blocks only the last does.
     pub has_chroma: bool,
+    /// Segment, 0 to 7.
     pub segment_id: u8,
     /// `YMode`, in the specification's numbering.
     pub y_mode: u8,
-    /// `UVMode`; [`NO_CHROMA_MODE`] when the block has none.
+    /// `UVMode`; 255 when the block has none.
     pub uv_mode: u8,
     /// `RefFrame`: -1 none, 0 intra, 1..=7 LAST..ALTREF.
     pub ref_frame: [i8; 2],
+    /// Vectors to `ref_frame`; zero where there is no reference.
     pub mv: [MotionVector; 2],
+    /// 0 simple, 1 overlapped, 2 local warp.
     pub motion_mode: u8,
     /// `interintra_mode`, when `RefFrame[1]` is `INTRA_FRAME`.
     pub interintra_mode: u8,
+    /// `wedge_interintra`: the two predictions are blended along a wedge.
     pub wedge_interintra: bool,
+    /// `wedge_index`, the shape of the wedge.
     pub wedge_index: u8,
+    /// `wedge_sign`, which side the first prediction is on.
     pub wedge_sign: bool,
+    /// `mask_type` of a difference-weighted compound.
     pub mask_type: bool,
+    /// `compound_type`: 0 wedge, 1 difference, 2 average, 3 intra, 4 distance.
     pub compound_type: u8,
+    /// `comp_group_idx`.
     pub comp_group_idx: u8,
+    /// `compound_idx`: 0 when the average is weighted by distance.
     pub compound_idx: u8,
+    /// `RefMvIdx`: which candidate predicts the vector.
     pub ref_mv_idx: u8,
+    /// `interp_filter`, vertical then horizontal.
     pub interp_filter: [u8; 2],
     /// `PaletteSizeY`, `PaletteSizeUV`.
     pub palette_size: [u8; 2],
+    /// `use_filter_intra`.
     pub use_filter_intra: bool,
+    /// `filter_intra_mode`.
     pub filter_intra_mode: u8,
+    /// `AngleDeltaY`, `AngleDeltaUV`.
     pub angle_delta: [i8; 2],
+    /// `cfl_alpha_signs`.
     pub cfl_alpha_signs: u8,
     /// `cfl_alpha_u * 16 + cfl_alpha_v`.
     pub cfl_alpha: u8,
@@ -51,10 +74,11 @@ pub struct Block {
     pub tx_size: u8,
     /// `CurrentQIndex`.
     pub q_index: u8,
+    /// `DeltaLF`: offsets of the loop filter levels.
     pub delta_lf: [i8; 4],
     /// `NumSamples` of §7.10.4.
     pub num_samples: u8,
-    /// Index into the tile's local warp models; [`NO_WARP`] without a valid one.
+    /// Index into the frame's local warp models; [`NO_WARP`] without a valid one.
     pub(crate) warp: u32,
     /// Sum of `eob` over the luma, then the chroma transform blocks.
     pub coefficients: [u16; 2],
