@@ -64,11 +64,18 @@ BENCH_FRAMES ?= $(if $(wildcard $(KITTI)/images),$(KITTI)/images,demo/images)
 BENCH_STREAM ?= $(if $(wildcard $(KITTI)/images),$(SHARED)/sequences/streams/kitti-b.svt-flat-p8.ivf,demo/encoded.ivf)
 BENCH_CAMERA ?= $(if $(wildcard $(KITTI)/images),--camera $(KITTI)/calib.txt)
 
+# Rates from high to low, and a phone's picture; what is not there is left out.
+BENCH_CLIPS ?= $(or $(wildcard $(addprefix $(SHARED)/sequences/streams/,kitti-b.libaom-good.ivf kitti-b.libaom-rt.ivf \
+	kitti-b.svt-flat-p8.ivf fox.libaom-rt.ivf fox.svt-flat-p10.ivf)),$(BENCH_STREAM))
+
 bench: setup
 	test -d $(BENCH_FRAMES) || $(BIN)/mvmatch demo demo
 	cargo build --release -p av1-motion --example count_vectors
-	@if command -v dav1d >/dev/null; then $(BIN)/python tools/compare_parsers.py $(BENCH_STREAM); \
+	@if command -v dav1d >/dev/null; then $(BIN)/python tools/compare_parsers.py $(BENCH_CLIPS); \
 	else echo "dav1d is not installed: the parser is not compared with it"; fi
+	@if command -v inspect >/dev/null; then $(BIN)/python tools/compare_inspect.py $(BENCH_CLIPS); \
+	else echo "libaom's inspect is not installed: reading vectors is not compared with it"; fi
+	$(BIN)/python tools/compare_threads.py $(BENCH_STREAM)
 	$(BIN)/python tools/compare_front_ends.py $(BENCH_FRAMES) --stream $(BENCH_STREAM) $(BENCH_CAMERA)
 
 # Coverage-guided fuzzing on the stable toolchain: libFuzzer without a sanitizer (all code is safe

@@ -9,42 +9,31 @@ CPU second and the median of the ratios pair by pair. Build the example first:
 from __future__ import annotations
 
 import argparse
-import resource
 import shutil
-import subprocess
 import sys
-import time
 from pathlib import Path
 from statistics import median
 
-ROOT = Path(__file__).resolve().parent.parent
-
-
-def run(command: list[str]) -> tuple[float, float, str]:
-    """Wall seconds, CPU seconds and standard output of one process."""
-    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return wall, cpu, done.stdout
+from timing import COUNT_VECTORS, run
 
 
 def compare(stream: Path, parser: list[str], decoder: list[str], runs: int) -> None:
     """One line of the table."""
     ours, theirs, output = [], [], ""
     for number in range(runs + 1):
-        *times, output = run([*parser, str(stream)])
-        *reference, _ = run([*decoder, "-i", str(stream)])
+        times, output = run([*parser, str(stream)])
+        reference, _ = run([*decoder, "-i", str(stream)])
         if number > 0:  # the first pair warms the caches
             ours.append(times)
             theirs.append(reference)
     frames = int(output.split()[0])
-    ratio = median(t[1] / o[1] for o, t in zip(ours, theirs, strict=True))
+    ratio = median(t.cpu / o.cpu for o, t in zip(ours, theirs, strict=True))
     wall, cpu = (median(times[i] for times in ours) for i in (0, 1))
     wall_decoder, cpu_decoder = (median(times[i] for times in theirs) for i in (0, 1))
     print(
         f"{stream.name:<26} {frames:>6} {wall:>7.3f} {cpu:>7.3f} {frames / cpu:>7.0f}"
-        f" {wall_decoder:>8.3f} {cpu_decoder:>8.3f} {frames / cpu_decoder:>8.0f} {ratio:>7.2f}"
+        f" {wall_decoder:>8.3f} {cpu_decoder:>8.3f} {frames / cpu_decoder:>8.0f} {ratio:>7.2f}",
+        flush=True,
     )
 
 
@@ -53,9 +42,7 @@ def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("streams", type=Path, nargs="+")
     arguments.add_argument("--runs", type=int, default=9)
-    arguments.add_argument(
-        "--parser", type=Path, default=ROOT / "target/release/examples/count_vectors"
-    )
+    arguments.add_argument("--parser", type=Path, default=COUNT_VECTORS)
     options = arguments.parse_args()
     decoder = shutil.which("dav1d")
     if decoder is None or not options.parser.is_file():

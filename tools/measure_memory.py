@@ -14,8 +14,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-COUNT_VECTORS = ROOT / "target" / "release" / "examples" / "count_vectors"
+from timing import COUNT_VECTORS
+
 HEADER_BYTES = 32
 
 ITERATE = "import sys, mvmatch\nfor field in mvmatch.open_video(sys.argv[1]): pass"
