@@ -64,9 +64,9 @@ BENCH_FRAMES ?= $(if $(wildcard $(KITTI)/images),$(KITTI)/images,demo/images)
 BENCH_STREAM ?= $(if $(wildcard $(KITTI)/images),$(SHARED)/sequences/streams/kitti-b.svt-flat-p8.ivf,demo/encoded.ivf)
 BENCH_CAMERA ?= $(if $(wildcard $(KITTI)/images),--camera $(KITTI)/calib.txt)
 
-# Rates from high to low, and a phone's picture; what is not there is left out.
+# High and low rates, small and large pictures; what is not there is left out.
 BENCH_CLIPS ?= $(or $(wildcard $(addprefix $(SHARED)/sequences/streams/,kitti-b.libaom-good.ivf kitti-b.libaom-rt.ivf \
-	kitti-b.svt-flat-p8.ivf fox.libaom-rt.ivf fox.svt-flat-p10.ivf)),$(BENCH_STREAM))
+	kitti-b.svt-flat-p8.ivf kitti-b.svt-ra-p6.ivf fox.libaom-rt.ivf fox.svt-flat-p10.ivf)),$(BENCH_STREAM))
 
 bench: setup
 	test -d $(BENCH_FRAMES) || $(BIN)/mvmatch demo demo

@@ -25,10 +25,11 @@ def run_mvmatch(arguments: argparse.Namespace, database: Path) -> None:
     from mvmatch.camera import parse_camera
     from mvmatch.export.colmap import write_database
     from mvmatch.pipeline import match_video
+    from mvmatch.sources import ReadOptions
     from mvmatch.tracks import TrackOptions
 
     options = TrackOptions.preset(arguments.preset)
-    match = match_video(arguments.stream, options=options)
+    match = match_video(arguments.stream, options=options, read=ReadOptions(threads=1))
     camera = parse_camera(arguments.camera, match.info.width, match.info.height).camera
     names = [f"{frame:06d}.png" for frame in range(match.num_frames)]
     write_database(

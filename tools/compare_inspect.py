@@ -45,11 +45,12 @@ with mvmatch.open_video(sys.argv[1], threads=1) as video:
 print(json.dumps({"frames": len(fields), "start": start}))
 """
 LEAST = ["-mv", "-r"]
+RUNS = [*LEAST, "-x"]
 CONSUMER = [sys.executable, inspect_json.__file__]
 VARIANTS = {
     "JSON": (LEAST, CONSUMER),
     "JSON, gc off": (LEAST, [*CONSUMER, "--no-gc"]),
-    "runs, gc off": ([*LEAST, "-x"], [*CONSUMER, "--no-gc"]),
+    "runs, gc off": (RUNS, [*CONSUMER, "--no-gc"]),
 }
 
 Row = tuple[float, float, float]
@@ -84,9 +85,9 @@ def compare_all(path: Path, runs: int) -> None:
     compare(f"{path.stem:<26} no Python", silent, runs)
 
 
-def disagreement(path: Path) -> str | None:
+def disagreement(path: Path, layers: list[str]) -> str | None:
     """Compare the vectors and references of all inter blocks; say where they first differ."""
-    command = ["inspect", str(path), *LEAST]
+    command = ["inspect", str(path), *layers]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process,
         mvmatch.open_video(path, threads=1) as video,
@@ -136,7 +137,7 @@ def main() -> int:
     heads = " ".join([f"{'wall s':>7} {'CPU s':>7} {'read s':>7}"] * 2)
     print(f"{'':<42} {sides}\n{'stream':<42} {heads} {'wall':>6} {'CPU':>6} {'read':>6}")
     for path in options.streams:
-        difference = disagreement(path)
+        difference = disagreement(path, LEAST) or disagreement(path, RUNS)
         if difference:
             print(f"compare_inspect: {path}: {difference}", file=sys.stderr)
             return 1
