@@ -9,6 +9,8 @@
     reason = "the innermost loop of the parser; measured in NOTES.md"
 )]
 
+mod even_odds;
+
 use std::hint::select_unpredictable;
 
 use super::cdf::{Cdf, Cdf2};
