@@ -148,6 +148,18 @@ impl<'a> SymbolDecoder<'a> {
         bit
     }
 
+    /// The same for a value that nothing is decided by, without a branch that depends on it.
+    #[inline(always)]
+    pub(crate) fn digit(&mut self, cdf: &mut Cdf2) -> u32 {
+        self.counter.symbol(2);
+        let lower = bound(self.range >> 8, cdf.0[0] as u16, 1);
+        let bit = self.value() < lower;
+        let choose = select_unpredictable::<u32>;
+        self.take(choose(bit, 0, lower), choose(bit, lower, self.range));
+        self.adapt(cdf, bit.into());
+        bit.into()
+    }
+
     #[inline(always)]
     fn adapt<const N: usize, const W: usize>(&self, cdf: &mut Cdf<N, W>, symbol: u32) {
         if self.adapts {
