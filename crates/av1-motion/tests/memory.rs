@@ -1,5 +1,7 @@
 //! Files of a few bytes that promise gigabytes: no memory is taken on a promise.
 
+use std::fs;
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use av1_motion::{ContainerReader, Error, Limits, Parser};
@@ -266,4 +268,42 @@ fn a_unit_of_empty_frame_headers_ends_at_its_budget() {
         }
     }
     assert_eq!(over_budget, 1000 - (1 << 20) / (64 * 64));
+}
+
+#[test]
+fn real_streams_stay_below_the_documented_memory() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/corpus");
+    let _turn = alone();
+    for entry in fs::read_dir(folder).expect("the corpus") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|extension| extension != "ivf") {
+            continue;
+        }
+        let bytes = fs::read(&path).expect("a stream");
+        let (mut area, mut unit_bytes) = (0, 0);
+        let live = counting::start();
+        let mut reader = ContainerReader::new(&bytes[..], &Limits::default()).expect("IVF");
+        let mut parser = Parser::new(Limits::default());
+        while let Some(unit) = reader.next_unit().expect("an intact container") {
+            unit_bytes = unit_bytes.max(unit.data.len());
+            parser.push(unit.data, unit.byte_offset);
+            while let Some(frame) = parser.next_frame().expect("a conformant stream") {
+                let info = frame.info();
+                // Frames are coded in whole superblocks.
+                let padded = |length: u32| length.next_multiple_of(64) as usize;
+                area = area.max(padded(info.upscaled_width) * padded(info.frame_height));
+            }
+        }
+        let peak = counting::usage(live).peak;
+        // 16 bytes per sample, the unit three times, and what does not depend on the stream: eight
+        // sets of probabilities, the one in use, the window of the reader.
+        let allowed = 16 * area + 3 * unit_bytes + 500_000;
+        assert!(peak <= allowed, "{}: {peak} > {allowed}", path.display());
+    }
+}
+
+#[test]
+fn a_list_of_blocks_grows_by_no_more_than_nine_bytes_per_sample() {
+    // One block for each 4x4 samples, and lists that double.
+    assert!(2 * size_of::<av1_motion::Block>() <= 9 * 16);
 }
