@@ -54,15 +54,20 @@ class Av1Parser:
     at a sequence header without the chosen operating point.
     """
 
-    def __new__(cls, *, limits: Limits | None = None, operating_point: int = 0) -> Av1Parser: ...
+    def __new__(
+        cls, *, limits: Limits | None = None, operating_point: int = 0, threads: int = 1
+    ) -> Av1Parser: ...
     def push(self, unit: bytes, byte_offset: int = 0) -> None:
         """Queue one temporal unit that starts at this byte of the file."""
 
     def next_frame(self) -> CodedFrame | None:
-        """Parse and return the next frame of the queued units, None when they are used up."""
+        """Return the next frame; None when another unit is needed, after `finish` at the end."""
 
     def finish(self) -> None:
-        """Check that the last frame is complete; to be called at the end of the stream."""
+        """Check that the last frame is complete; to be called after the last unit.
+
+        With several threads frames are still to come then.
+        """
 
 @final
 class CodedFrame:

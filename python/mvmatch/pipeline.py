@@ -248,6 +248,7 @@ def open_source(path: Path, options: ReadOptions | None = None) -> MotionSource:
         errors=options.errors,
         limits=options.limits,
         operating_point=options.operating_point,
+        threads=options.threads,
     )
 
 

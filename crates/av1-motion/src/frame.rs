@@ -1,6 +1,6 @@
 //! §7.4 Decode frame wrapup: from the tiles of a frame to what later frames and the caller need.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::entropy::cdf_set::CdfSet;
 use crate::interrupt::Interrupt;
@@ -12,14 +12,40 @@ use crate::obu::sequence_header::SequenceHeader;
 use crate::refs::{ReferenceSlot, ReferenceSlots};
 use crate::tile::{FrameContext, TileOutput};
 
-/// The frame in a reference slot.
+/// The frame in a reference slot. It is there as soon as its header is read; what its tiles leave comes
+/// when they are.
 #[derive(Debug)]
 pub(crate) struct FrameState {
     pub(crate) decode_index: u64,
     pub(crate) display_index: i64,
-    /// Absent when the tiles could not be read. Vectors may still point to such a frame; only what
-    /// follows from its tiles is lost.
-    pub(crate) content: Option<FrameContent>,
+    /// Nothing inside when the tiles could not be read. Vectors may still point to such a frame; only
+    /// what follows from its tiles is lost.
+    content: OnceLock<Option<FrameContent>>,
+}
+
+impl FrameState {
+    pub(crate) fn new(decode_index: u64, display_index: i64) -> Self {
+        Self {
+            decode_index,
+            display_index,
+            content: OnceLock::new(),
+        }
+    }
+
+    /// What the tiles left; absent when they are lost, or not read yet.
+    pub(crate) fn content(&self) -> Option<&FrameContent> {
+        self.content.get()?.as_ref()
+    }
+
+    /// Whether the tiles were read or lost.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.content.get().is_some()
+    }
+
+    /// Ends the reading of the tiles, with nothing when they are lost. Only the first call counts.
+    pub(crate) fn settle(&self, content: Option<FrameContent>) {
+        let _ = self.content.set(content);
+    }
 }
 
 /// §7.20: what tile data leaves in a reference slot.
@@ -85,7 +111,7 @@ impl FrameContext {
                 order_hints: &slot.saved_order_hints,
                 motion: states[index]
                     .as_ref()
-                    .and_then(|state| state.content.as_ref()?.motion.as_ref()),
+                    .and_then(|state| state.content()?.motion.as_ref()),
             }
         };
         let projected_motion = header

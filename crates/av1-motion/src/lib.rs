@@ -49,6 +49,11 @@
 //! [`Parser::interrupt_when`] stops in the middle of a frame. The library writes nothing to the
 //! terminal and has no dependencies and no unsafe code.
 //!
+//! # Threads
+//! [`Parser::with_threads`] reads key-frame segments, independent frames and tiles at the same time;
+//! frames come in the same order, later. Without it the caller's thread does all the work, and every
+//! frame comes with its unit.
+//!
 //! # Features and versions
 //! The only cargo feature, `trace`, serves the tests of this repository and may change at any time.
 //! Public enums are non-exhaustive where the format or the parser may grow; a field that is added to

@@ -126,11 +126,12 @@ pub struct Av1Parser {
 #[pymethods]
 impl Av1Parser {
     #[new]
-    #[pyo3(signature = (*, limits=None, operating_point=0))]
-    fn new(limits: Option<PyLimits>, operating_point: usize) -> Self {
+    #[pyo3(signature = (*, limits=None, operating_point=0, threads=1))]
+    fn new(limits: Option<PyLimits>, operating_point: usize, threads: usize) -> Self {
         let signals = Signals::new();
-        let mut parser =
-            Parser::new(PyLimits::or_default(limits)).with_operating_point(operating_point);
+        let mut parser = Parser::new(PyLimits::or_default(limits))
+            .with_operating_point(operating_point)
+            .with_threads(threads);
         let watched = signals.clone();
         parser.interrupt_when(move || watched.are_pending());
         Self {
@@ -154,7 +155,7 @@ impl Av1Parser {
         Ok(())
     }
 
-    /// The next frame of the unit, or None when another unit is needed.
+    /// The next frame, or None when another unit is needed; after `finish` when there is none left.
     fn next_frame(&mut self, py: Python<'_>) -> PyResult<Option<CodedFrame>> {
         let frame = self.run(py, Parser::next_frame)?;
         self.frames += u64::from(frame.is_some());

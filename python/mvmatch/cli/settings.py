@@ -42,6 +42,9 @@ class Settings:
     operating_point: int | None = None
     """Layers of a scalable AV1 stream to read; 0, the default, usually has all of them."""
 
+    threads: int | None = None
+    """Threads that read the AV1 stream; 0, the default, takes one per processor."""
+
     config: ExistingFile | None = None
     """TOML file with options; `mvmatch run --print-config` shows one."""
 
@@ -61,6 +64,8 @@ class Settings:
             read = replace(read, errors=self.errors)
         if self.operating_point is not None:
             read = replace(read, operating_point=self.operating_point)
+        if self.threads is not None:
+            read = replace(read, threads=self.threads)
         return replace(options, read=read)
 
 

@@ -125,7 +125,11 @@ def extract(
     structure = ReferenceStructure()
     read = (settings or Settings()).options().read
     video = open_video(
-        clip, errors=read.errors, limits=read.limits, operating_point=read.operating_point
+        clip,
+        errors=read.errors,
+        limits=read.limits,
+        operating_point=read.operating_point,
+        threads=read.threads,
     )
     with Ticker() as tell, video as source:
         reading = UntilDamage(source, structure, lambda d, t: tell("read", d, t))

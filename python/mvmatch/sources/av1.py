@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -74,10 +75,15 @@ class Av1Source:
         self._resumes = options.errors == "resume"
         self._skipped: list[Skipped] = []
         self._parser = _core.Av1Parser(
-            limits=options.limits, operating_point=options.operating_point
+            limits=options.limits,
+            operating_point=options.operating_point,
+            threads=options.threads or os.cpu_count() or 1,
         )
         self._frames = FrameLog()
-        self._pts: float | None = None
+        self._num_units = 0
+        self._times: dict[int, float | None] = {}
+        self._is_ended = False
+        self._failure: MvmatchError | None = None
         try:
             first = self._next_coded()
         except BaseException:
@@ -89,8 +95,8 @@ class Av1Source:
             if self._skipped:
                 message = f"{path} has no frame that can be read. {self._skipped[0]}"
             raise BitstreamError(message)
-        self._first: tuple[_core.CodedFrame, float | None] | None = (first, self._pts)
-        width, height = _output_size(first, options.operating_point)
+        self._first: tuple[_core.CodedFrame, float | None] | None = first
+        width, height = _output_size(first[0], options.operating_point)
         self._info = VideoInfo(
             width=width,
             height=height,
@@ -134,37 +140,57 @@ class Av1Source:
     def coded_frames(self) -> Iterator[tuple[_core.CodedFrame, float | None]]:
         """Yield every coded frame, and every order to show one again, with its time in s."""
         while True:
-            if self._first is not None:
-                (coded, pts), self._first = self._first, None
-            else:
-                coded, pts = self._next_coded(), self._pts
-            if coded is None:
+            timed, self._first = self._first or self._next_coded(), None
+            if timed is None:
                 return
+            coded, pts = timed
             self._frames.append(_facts(coded, pts))
             yield coded, pts
 
-    def _next_coded(self) -> _core.CodedFrame | None:
-        """Return the next frame that can be read, or None at the end."""
+    def _next_coded(self) -> tuple[_core.CodedFrame, float | None] | None:
+        """Return the next frame that can be read, and its time, or None at the end."""
         while True:
             try:
-                return self._advance()
+                coded = self._advance()
             except BitstreamError as error:
                 if not self._resumes:
                     raise _located(error, self._path, frame=len(self._frames)) from error
                 self._skip(error)
             except MvmatchError as error:
                 raise _located(error, self._path, frame=len(self._frames)) from error
+            else:
+                return None if coded is None else (coded, self._time(coded.unit_index))
 
     def _advance(self) -> _core.CodedFrame | None:
         while (coded := self._parser.next_frame()) is None:
-            # A container that fails has no further units: the next call finds the end.
-            unit = next(self._units, None)
-            if unit is None:
-                self._parser.finish()
+            if self._is_ended:
+                failure, self._failure = self._failure, None
+                if failure is not None:
+                    raise failure
                 return None
-            self._pts, data, offset = unit
+            unit = self._next_unit()
+            if unit is None:
+                self._is_ended = True
+                self._parser.finish()
+                continue
+            self._times[self._num_units], data, offset = unit
+            self._num_units += 1
             self._parser.push(data, offset)
         return coded
+
+    def _next_unit(self) -> Unit | None:
+        """Return the next unit; a container that fails ends, and says so after its last frame."""
+        try:
+            return next(self._units, None)
+        except MvmatchError as error:
+            self._failure = error
+            return None
+
+    def _time(self, unit_index: int) -> float | None:
+        """Return the time of a unit; those before it are not asked for again."""
+        for earlier in [index for index in self._times if index < unit_index]:
+            del self._times[earlier]
+        return self._times[unit_index]
 
     def _skip(self, error: BitstreamError) -> None:
         """Keep what an error says; errors in a row are one item, so that the list stays short."""

@@ -90,6 +90,7 @@ def open_video(
     errors: Errors = "raise",
     limits: Limits | None = None,
     operating_point: int = 0,
+    threads: int = 0,
 ) -> MotionSource:
     """Open a video and read its motion vectors; no pixel is decoded.
 
@@ -108,6 +109,8 @@ def open_video(
     operating_point : int
         Which of a scalable stream's operating points to read: 0 usually has all layers, others
         leave temporal or spatial layers out.
+    threads : int
+        Threads of the parser; 0 for one per processor. Any number gives the same fields.
 
     Returns
     -------
@@ -133,6 +136,9 @@ def open_video(
     if operating_point < 0:
         message = f"operating points are counted from 0; there is no {operating_point}"
         raise DataError(message)
+    if threads < 0:
+        message = f"the parser cannot have {threads} threads; 0 takes one per processor"
+        raise ValueError(message)
     if not path.exists():
         message = f"there is no file {path}"
         raise FileNotFoundError(message)
@@ -152,7 +158,12 @@ def open_video(
 
     from mvmatch.sources import av1
 
-    options = ReadOptions(errors=errors, limits=limits or Limits(), operating_point=operating_point)
+    options = ReadOptions(
+        errors=errors,
+        limits=limits or Limits(),
+        operating_point=operating_point,
+        threads=threads,
+    )
     if kind == "av1-elementary":
         return av1.open_elementary(path, options=options)
     return av1.open_demuxed(path, options=options)

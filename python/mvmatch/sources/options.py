@@ -44,6 +44,9 @@ class ReadOptions:
     operating_point: int = 0
     """Which of a scalable stream's operating points to read: 0 usually has all layers, others leave
     temporal or spatial layers out."""
+    threads: int = 0
+    """Threads of the AV1 parser; 0 for one per processor. Any number gives the same. Streams with
+    several key frames, with pyramids of frames or with tiles gain, others do not."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,13 +1,11 @@
 //! Doors for the fuzz targets, open only under `--cfg fuzzing`; not part of the crate's interface.
 
-use super::frames::CurrentFrame;
-use super::{Limits, ObuType, Parser, tile_bounds};
+use super::job::FrameReader;
+use super::{Found, Limits, Parser};
 use crate::container::ContainerReader;
-use crate::obu::header::Obu;
-use crate::tile::TileDecoder;
 
 /// A frame of a stream, from its headers up to the point where its tiles would be read.
-pub struct SavedFrame(CurrentFrame);
+pub struct SavedFrame(FrameReader);
 
 /// The frames of an undamaged stream.
 ///
@@ -23,38 +21,14 @@ pub fn saved_frames(stream: &[u8], limits: &Limits) -> Vec<SavedFrame> {
         while let Some((obu, end)) = parser.unit.peek() {
             parser.unit.position = end;
             let obu = obu.expect("an OBU");
-            let length = match obu.header.obu_type {
-                ObuType::Frame | ObuType::FrameHeader if parser.current.is_none() => {
-                    parser.read_frame_header(&obu).expect("a header").0
-                }
-                _ => {
-                    parser.read_obu(&obu).expect("a conformant stream");
-                    continue;
-                }
-            };
-            saved.extend(parser.start_again(&obu));
-            if obu.header.obu_type == ObuType::Frame {
-                parser.read_tile_group(&obu, length).expect("tiles");
+            let found = parser.read_obu(&obu).expect("a conformant stream");
+            if let Some(Found::Coded(job)) = found {
+                saved.push(SavedFrame(job.start().expect("its references")));
+                job.run().expect("tiles");
             }
         }
     }
     saved
-}
-
-impl Parser {
-    /// Begins the current frame once more, for somebody else.
-    fn start_again(&self, obu: &Obu) -> Option<SavedFrame> {
-        let current = self.current.as_ref()?;
-        let context = &current.context;
-        self.start_frame(
-            obu,
-            &context.sequence,
-            &context.header,
-            current.display_index,
-        )
-        .ok()
-        .map(SavedFrame)
-    }
 }
 
 impl SavedFrame {
@@ -65,15 +39,13 @@ impl SavedFrame {
     /// The parser has a fault, or memory is used up.
     #[must_use]
     pub fn read_tile(&self, tile_num: u32, data: &[u8]) -> usize {
-        let SavedFrame(frame) = self;
-        let header = &frame.context.header;
-        let bounds = tile_bounds(header, tile_num % header.tile_info.num_tiles());
-        let cdfs = Box::new((*frame.cdfs).clone());
-        let decoder = TileDecoder::new(&frame.context, bounds, data, cdfs).expect("memory");
-        let tiles = [decoder.decode()];
-        let map = frame.context.segment_map(&tiles).expect("memory");
-        let motion = frame.context.saved_motion(&tiles).expect("memory");
-        drop((map, motion));
+        let SavedFrame(reader) = self;
+        let tile_num = tile_num % reader.context.header.tile_info.num_tiles();
+        let Ok(tile) = reader.read_tile(tile_num, data) else {
+            return 0;
+        };
+        let mut tiles = [tile];
+        drop(reader.content(&mut tiles).expect("memory"));
         tiles[0].blocks.len()
     }
 }

@@ -3,6 +3,9 @@
 mod frames;
 #[cfg(fuzzing)]
 pub mod fuzzing;
+mod job;
+mod queue;
+mod threads;
 
 use std::sync::Arc;
 
@@ -12,15 +15,16 @@ use crate::error::{Error, Result};
 use crate::frame::FrameStates;
 use crate::interrupt::Interrupt;
 use crate::limits::{Limits, Work};
+use crate::memory;
 use crate::motion::Frame;
 use crate::obu::frame_header::FrameHeader;
 use crate::obu::header::{Obu, ObuIterator, ObuType};
 use crate::obu::sequence_header::SequenceHeader;
 use crate::obu::tile_group::TileGroup;
 use crate::refs::ReferenceSlots;
-use crate::tile::{TileBounds, TileDecoder};
 use crate::trace::FrameTraceState;
-use frames::{CurrentFrame, LostFrame};
+use job::{FrameJob, TileBytes};
+use threads::Threads;
 
 /// Reads the motion of an AV1 stream, frame by frame.
 ///
@@ -35,6 +39,7 @@ use frames::{CurrentFrame, LostFrame};
 ///         println!("{}: {} vectors", frame.display_index, frame.motion().count());
 ///     }
 /// }
+/// parser.finish()?;
 /// # Ok(()) }
 /// ```
 #[derive(Default)]
@@ -51,10 +56,10 @@ pub struct Parser {
     /// Units pushed so far.
     num_units: u64,
     unit: Unit,
-    /// The frame whose tile groups are being read.
-    current: Option<CurrentFrame>,
-    /// The frame that an error on its way to the caller is about.
-    lost: Option<LostFrame>,
+    /// The frame whose tile groups are being collected.
+    current: Option<FrameJob>,
+    /// Where frames are read that are found; absent when the caller's thread does it.
+    threads: Option<Threads>,
     /// What was read so far, for the limits.
     work: Work,
     interrupt: Interrupt,
@@ -67,7 +72,7 @@ pub struct Parser {
 /// The bytes that are being read.
 #[derive(Default)]
 struct Unit {
-    data: Vec<u8>,
+    data: Arc<Vec<u8>>,
     /// Bytes of `data` that were read.
     position: usize,
     /// Where `data` starts in the file.
@@ -111,17 +116,35 @@ impl Parser {
         }
     }
 
+    /// The same parser with `count` threads of its own; with 0 or 1 the caller's thread does all the work.
+    ///
+    /// Frames and errors come in the same order and are the same for any number. Key-frame segments,
+    /// frames that do not depend on each other, and tiles are read at the same time; a stream in which
+    /// every frame depends on the one before and has one tile gains nothing. Frames then come later:
+    /// the parser takes units until it has a few dozen frames for each thread, and the last ones come
+    /// after [`Parser::finish`].
+    #[must_use]
+    pub fn with_threads(self, count: usize) -> Self {
+        Self {
+            threads: (count > 1).then(|| Threads::new(count)),
+            ..self
+        }
+    }
+
     /// Hands over the OBUs of one temporal unit (or a part of one that holds whole OBUs), in the
     /// low-overhead format. `byte_offset` is where the bytes start in the file, for error messages.
     /// OBUs of the unit before that [`Parser::next_frame`] was not asked for are dropped.
     pub fn push(&mut self, data: Vec<u8>, byte_offset: u64) {
         self.unit = Unit {
-            data,
+            data: Arc::new(data),
             byte_offset,
             ..Unit::default()
         };
         self.num_units += 1;
         self.work.begin_unit();
+        if let Some(threads) = &mut self.threads {
+            threads.open();
+        }
     }
 
     /// Lets `should_stop` end the reading of a frame with [`Error::Interrupted`]. It is asked every
@@ -131,7 +154,8 @@ impl Parser {
         self.interrupt = Interrupt::new(should_stop);
     }
 
-    /// The next frame of the unit, or nothing when a further unit is needed.
+    /// The next frame, or nothing when a further unit is needed (after [`Parser::finish`]: when there is
+    /// none left).
     ///
     /// # Errors
     /// What is wrong with the stream. Frames returned before stay valid, and reading can go on, in
@@ -139,6 +163,51 @@ impl Parser {
     /// references, probabilities, segments, saved vectors) is intact, and gives
     /// [`Error::MissingReference`] until then. Nothing is guessed.
     pub fn next_frame(&mut self) -> Result<Option<Frame>> {
+        let Some(mut threads) = self.threads.take() else {
+            return match self.find_frame()? {
+                None => Ok(None),
+                Some(Found::Shown(frame)) => Ok(Some(*frame)),
+                Some(Found::Coded(job)) => job.run().map(Some),
+            };
+        };
+        let frame = self.next_from(&mut threads);
+        self.threads = Some(threads);
+        frame
+    }
+
+    /// The same, with the work done elsewhere.
+    fn next_from(&mut self, threads: &mut Threads) -> Result<Option<Frame>> {
+        loop {
+            if let Some(frame) = threads.next(&self.interrupt)? {
+                return Ok(Some(frame));
+            }
+            match self.find_frame() {
+                Ok(None) if threads.is_closed() => return threads.drain(&self.interrupt),
+                Ok(None) => return Ok(None),
+                Ok(Some(found)) => threads.push(found),
+                Err(error) => threads.push_error(error),
+            }
+        }
+    }
+
+    /// To be called after the last unit; [`Parser::next_frame`] then gives what is left.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] when tiles of the last frame are missing.
+    pub fn finish(&mut self) -> Result<()> {
+        let incomplete = self.incomplete(0);
+        match (&mut self.threads, incomplete) {
+            (None, None) => Ok(()),
+            (None, Some(error)) => Err(error),
+            (Some(threads), incomplete) => {
+                threads.close(incomplete);
+                Ok(())
+            }
+        }
+    }
+
+    /// Reads on in the unit up to the end of a frame.
+    fn find_frame(&mut self) -> Result<Option<Found>> {
         while let Some((obu, end)) = self.unit.peek() {
             if let Ok(obu) = &obu
                 && self.current.is_some()
@@ -149,7 +218,7 @@ impl Parser {
             self.unit.position = end;
             match obu.and_then(|obu| self.read_obu(&obu)) {
                 Ok(None) => {}
-                Ok(frame) => return Ok(frame),
+                Ok(found) => return Ok(found),
                 Err(error) => {
                     self.lose();
                     return Err(error);
@@ -159,27 +228,16 @@ impl Parser {
         Ok(None)
     }
 
-    /// To be called after the last unit.
-    ///
-    /// # Errors
-    /// [`Error::Malformed`] when tiles of the last frame are missing.
-    pub fn finish(&mut self) -> Result<()> {
-        self.incomplete(0).map_or(Ok(()), Err)
-    }
-
     /// Gives up a frame that ends before its last tile.
     fn incomplete(&mut self, byte_offset: u64) -> Option<Error> {
         let current = self.current.as_ref()?;
-        let (found, total) = (
-            current.tiles.len(),
-            current.context.header.tile_info.num_tiles(),
-        );
+        let (found, total) = (current.tiles.len(), current.header.tile_info.num_tiles());
         self.lose();
         let reason = format!("a frame ends after {found} of its {total} tiles");
         Some(Error::malformed("7.5", byte_offset, reason))
     }
 
-    fn read_obu(&mut self, obu: &Obu) -> Result<Option<Frame>> {
+    fn read_obu(&mut self, obu: &Obu) -> Result<Option<Found>> {
         self.unit.num_obus += 1;
         if self.unit.num_obus.is_multiple_of(OBUS_PER_QUESTION) && self.interrupt.is_raised() {
             return Err(Error::Interrupted);
@@ -211,7 +269,10 @@ impl Parser {
             }
             // `frame_header_copy`: the same bytes once more.
             ObuType::FrameHeader if self.current.is_some() => Ok(None),
-            ObuType::FrameHeader => Ok(self.read_frame_header(obu)?.1),
+            ObuType::FrameHeader => {
+                let (_, shown) = self.read_frame_header(obu)?;
+                Ok(shown.map(|frame| Found::Shown(Box::new(frame))))
+            }
             ObuType::Frame => {
                 let (length, _) = self.read_frame_header(obu)?;
                 self.read_tile_group(obu, length)
@@ -301,61 +362,47 @@ impl Parser {
         let display_index = self
             .display
             .place(&sequence, &header, obu.header.spatial_id);
-        match self.start_frame(obu, &sequence, &header, display_index) {
-            Ok(current) => {
-                self.current = Some(current);
-                Ok((length, None))
-            }
-            Err(error) => {
-                self.lost = Some(LostFrame {
-                    sequence,
-                    header,
-                    display_index,
-                });
-                Err(error)
-            }
-        }
+        self.current = Some(self.new_job(obu, sequence, header, display_index));
+        Ok((length, None))
     }
 
-    /// §5.11.1 `tile_group_obu`, whose data starts `offset` bytes into the payload.
-    fn read_tile_group(&mut self, obu: &Obu, offset: usize) -> Result<Option<Frame>> {
-        let data = &self.unit.data[obu.payload.clone()][offset..];
+    /// §5.11.1 `tile_group_obu`, whose data starts `offset` bytes into the payload: finds its tiles, and
+    /// with the last one of the frame returns it.
+    fn read_tile_group(&mut self, obu: &Obu, offset: usize) -> Result<Option<Found>> {
+        let start = obu.payload.start + offset;
         let byte_offset = obu.byte_offset + offset as u64;
         let Some(current) = &mut self.current else {
             let reason = "a tile group comes without a frame header";
             return Err(Error::malformed("7.5", byte_offset, reason));
         };
-        let header = current.context.header.clone();
-        let next_tile = current.tiles.len() as u32;
-        let group = TileGroup::parse(data, byte_offset, &header.tile_info, next_tile)?;
-        self.trace.tile_group(next_tile as usize);
-        for tile in &group.tiles {
-            let bounds = tile_bounds(&header, tile.tile_num);
-            let cdfs = Box::new((*current.cdfs).clone());
-            let start = byte_offset + tile.range.start as u64;
-            let mut output =
-                TileDecoder::new(&current.context, bounds, &data[tile.range.clone()], cdfs)?
-                    .decode();
-            if let Some(stop) = output.error {
-                return Err(stop.into_error(tile.tile_num, start));
-            }
-            // Only one tile's are kept: those of thousands of small tiles weigh more than the rest.
-            let cdfs = output.cdfs.take();
-            if tile.tile_num == header.tile_info.context_update_tile_id
-                && !header.disable_frame_end_update_cdf
-            {
-                current.saved_cdfs = cdfs;
-            }
-            current.tiles.push(output);
-        }
-        if !group.is_last(&header.tile_info) {
-            return Ok(None);
-        }
-        let content = current.content()?;
-        let blocks = current.join_tiles()?;
-        let frame = self.current.take();
-        Ok(frame.map(|current| self.finish_frame(current, content, blocks)))
+        let tile_info = &current.header.tile_info;
+        let num_found = current.tiles.len();
+        let data = &self.unit.data[start..obu.payload.end];
+        let group = TileGroup::parse(data, byte_offset, tile_info, num_found as u32)?;
+        let is_last = group.is_last(tile_info);
+        current.trace.tile_group(num_found);
+        memory::reserve(&mut current.tiles, group.tiles.len())?;
+        current
+            .tiles
+            .extend(group.tiles.iter().map(|tile| TileBytes {
+                unit: self.unit.data.clone(),
+                range: start + tile.range.start..start + tile.range.end,
+                byte_offset: byte_offset + tile.range.start as u64,
+            }));
+        let complete = if is_last { self.current.take() } else { None };
+        Ok(complete.map(|job| {
+            self.keep(&job);
+            Found::Coded(Box::new(job))
+        }))
     }
+}
+
+/// What [`Parser::find_frame`] comes to.
+enum Found {
+    /// An earlier frame that is shown.
+    Shown(Box<Frame>),
+    /// A frame with all its tiles, none of them read.
+    Coded(Box<FrameJob>),
 }
 
 /// Whether an OBU can only come between frames.
@@ -364,17 +411,4 @@ fn begins_anew(obu_type: ObuType) -> bool {
         obu_type,
         ObuType::TemporalDelimiter | ObuType::SequenceHeader | ObuType::Frame
     )
-}
-
-/// Where a tile lies, from its number.
-fn tile_bounds(header: &FrameHeader, tile_num: u32) -> TileBounds {
-    let info = &header.tile_info;
-    let row = (tile_num / info.tile_cols) as usize;
-    let col = (tile_num % info.tile_cols) as usize;
-    TileBounds {
-        mi_row_start: info.mi_row_starts[row],
-        mi_row_end: info.mi_row_starts[row + 1],
-        mi_col_start: info.mi_col_starts[col],
-        mi_col_end: info.mi_col_starts[col + 1],
-    }
 }

@@ -187,8 +187,6 @@ pub(crate) struct TileOutput {
     pub(crate) stats: [CoefficientStats; 3],
     /// The probabilities at the end of the tile.
     pub(crate) cdfs: Option<Box<CdfSet>>,
-    /// Set when the tile was not read to its end; `blocks` then ends before the damage.
-    pub(crate) error: Option<TileStop>,
     #[cfg_attr(not(feature = "trace"), expect(dead_code, reason = "empty"))]
     pub(crate) trace: TileTrace,
 }
@@ -249,16 +247,15 @@ impl<'a> TileDecoder<'a> {
     }
 
     /// §5.11.2 `decode_tile`, followed by §8.2.4 `exit_symbol`.
-    pub(crate) fn decode(mut self) -> TileOutput {
-        let error = self.decode_superblocks().err();
-        TileOutput {
+    pub(crate) fn decode(mut self) -> Result<TileOutput, TileStop> {
+        self.decode_superblocks()?;
+        Ok(TileOutput {
             blocks: self.blocks,
             warps: self.warps,
             stats: self.stats,
             cdfs: Some(self.cdfs),
-            error,
             trace: self.trace.finish(self.symbols.counter),
-        }
+        })
     }
 
     fn decode_superblocks(&mut self) -> Result<(), TileStop> {
