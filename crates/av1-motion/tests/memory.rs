@@ -307,3 +307,37 @@ fn a_list_of_blocks_grows_by_no_more_than_nine_bytes_per_sample() {
     // One block for each 4x4 samples, and lists that double.
     assert!(2 * size_of::<av1_motion::Block>() <= 9 * 16);
 }
+
+#[test]
+fn frames_that_wait_for_threads_hold_no_more_than_64_mb_of_their_units() {
+    const UNITS: usize = 24;
+    // 16 empty tiles of 4096x2048: slow to read, beside units that come fast.
+    let tile = [&[0; 72][..], &[1]].concat();
+    let sized = [&[72][..], &tile].concat();
+    let picture = still(16_384, 8192, false, &[sized.repeat(15), tile].concat());
+    let limits = Limits {
+        max_frame_area: 1 << 27,
+        ..Limits::default()
+    };
+    let _turn = alone();
+    let live = counting::start();
+    let mut parser = Parser::new(limits).with_threads(2);
+    let mut frames = 0;
+    for _ in 0..UNITS {
+        // A padding OBU of 8 MB, with a size of four bytes.
+        let mut unit = vec![0x7a, 0x80, 0x80, 0x80, 0x04];
+        unit.resize(unit.len() + (8 << 20), 0x80);
+        unit.extend(&picture);
+        parser.push(unit, 0);
+        while let Some(_frame) = parser.next_frame().expect("a conformant stream") {
+            frames += 1;
+        }
+    }
+    parser.finish().expect("complete frames");
+    while let Some(_frame) = parser.next_frame().expect("a conformant stream") {
+        frames += 1;
+    }
+    assert_eq!(frames, UNITS);
+    let peak = counting::usage(live).peak;
+    assert!(peak < 150 << 20, "{peak} bytes");
+}

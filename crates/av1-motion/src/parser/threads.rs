@@ -27,6 +27,8 @@ pub(super) struct Threads {
     capacity: usize,
     /// Everything not handed out yet, in order.
     pending: VecDeque<Pending>,
+    /// The unit of the last frame.
+    last_unit: Option<Arc<Vec<u8>>>,
     /// No more frames will come.
     is_closed: bool,
 }
@@ -61,6 +63,7 @@ impl Threads {
             workers,
             capacity: FRAMES_PER_THREAD * count,
             pending: VecDeque::new(),
+            last_unit: None,
             is_closed: false,
         }
     }
@@ -73,7 +76,7 @@ impl Threads {
         };
         let shared = self.shared.clone();
         job.interrupt = Interrupt::new(move || shared.is_stopped.load(Ordering::Relaxed));
-        let frame = Arc::new(QueuedFrame::new(job));
+        let frame = Arc::new(QueuedFrame::new(job, &mut self.last_unit));
         self.pending.push_back(Pending::Queued(frame.clone()));
         self.shared.lock().push(frame);
         self.shared.has_work.notify_one();
