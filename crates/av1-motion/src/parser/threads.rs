@@ -29,6 +29,8 @@ pub(super) struct Threads {
     capacity: usize,
     /// Everything not handed out yet, in order.
     pending: VecDeque<Pending>,
+    /// The unit of the last frame.
+    last_unit: Option<Arc<Vec<u8>>>,
     /// No more frames will come.
     is_closed: bool,
 }
@@ -64,6 +66,7 @@ impl Threads {
             capacity: FRAMES_PER_THREAD * workers.len(),
             workers,
             pending: VecDeque::new(),
+            last_unit: None,
             is_closed: false,
         })
     }
@@ -76,7 +79,7 @@ impl Threads {
         };
         let shared = self.shared.clone();
         job.interrupt = Interrupt::new(move || shared.is_stopped.load(Ordering::Relaxed));
-        let frame = Arc::new(QueuedFrame::new(job));
+        let frame = Arc::new(QueuedFrame::new(job, &mut self.last_unit));
         self.pending.push_back(Pending::Queued(frame.clone()));
         self.shared.lock().push(frame);
         self.shared.has_work.notify_one();
