@@ -1,5 +1,7 @@
 //! Files of a few bytes that promise gigabytes: no memory is taken on a promise.
 
+use std::fs;
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use av1_motion::{ContainerReader, Error, Limits, Parser};
@@ -266,4 +268,77 @@ fn a_unit_of_empty_frame_headers_ends_at_its_budget() {
         }
     }
     assert_eq!(over_budget, 1000 - (1 << 20) / (64 * 64));
+}
+
+#[test]
+fn real_streams_stay_below_the_documented_memory() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/corpus");
+    let _turn = alone();
+    for entry in fs::read_dir(folder).expect("the corpus") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|extension| extension != "ivf") {
+            continue;
+        }
+        let bytes = fs::read(&path).expect("a stream");
+        let (mut area, mut unit_bytes) = (0, 0);
+        let live = counting::start();
+        let mut reader = ContainerReader::new(&bytes[..], &Limits::default()).expect("IVF");
+        let mut parser = Parser::new(Limits::default());
+        while let Some(unit) = reader.next_unit().expect("an intact container") {
+            unit_bytes = unit_bytes.max(unit.data.len());
+            parser.push(unit.data, unit.byte_offset);
+            while let Some(frame) = parser.next_frame().expect("a conformant stream") {
+                let info = frame.info();
+                // Frames are coded in whole superblocks.
+                let padded = |length: u32| length.next_multiple_of(64) as usize;
+                area = area.max(padded(info.upscaled_width) * padded(info.frame_height));
+            }
+        }
+        let peak = counting::usage(live).peak;
+        // 16 bytes per sample, the unit three times, and what does not depend on the stream: eight
+        // sets of probabilities, the one in use, the window of the reader.
+        let allowed = 16 * area + 3 * unit_bytes + 500_000;
+        assert!(peak <= allowed, "{}: {peak} > {allowed}", path.display());
+    }
+}
+
+#[test]
+fn a_list_of_blocks_grows_by_no_more_than_nine_bytes_per_sample() {
+    // One block for each 4x4 samples, and lists that double.
+    assert!(2 * size_of::<av1_motion::Block>() <= 9 * 16);
+}
+
+#[test]
+fn frames_that_wait_for_threads_hold_no_more_than_64_mb_of_their_units() {
+    const UNITS: usize = 24;
+    // 16 empty tiles of 4096x2048: slow to read, beside units that come fast.
+    let tile = [&[0; 72][..], &[1]].concat();
+    let sized = [&[72][..], &tile].concat();
+    let picture = still(16_384, 8192, false, &[sized.repeat(15), tile].concat());
+    let limits = Limits {
+        max_frame_area: 1 << 27,
+        ..Limits::default()
+    };
+    let _turn = alone();
+    let live = counting::start();
+    let mut parser = Parser::new(limits).with_threads(2);
+    let mut frames = 0;
+    for _ in 0..UNITS {
+        // A padding OBU of 8 MB, with a size of four bytes.
+        let mut unit = Vec::with_capacity((8 << 20) + 8192);
+        unit.extend([0x7a, 0x80, 0x80, 0x80, 0x04]);
+        unit.resize(unit.len() + (8 << 20), 0x80);
+        unit.extend(&picture);
+        parser.push(unit, 0);
+        while let Some(_frame) = parser.next_frame().expect("a conformant stream") {
+            frames += 1;
+        }
+    }
+    parser.finish().expect("complete frames");
+    while let Some(_frame) = parser.next_frame().expect("a conformant stream") {
+        frames += 1;
+    }
+    assert_eq!(frames, UNITS);
+    let peak = counting::usage(live).peak;
+    assert!(peak < 120 << 20, "{peak} bytes");
 }

@@ -44,7 +44,7 @@ fn originals() -> Vec<Original> {
         .map(|path| {
             let bytes = fs::read(&path).expect("a stream");
             let mut unit_ends = Vec::new();
-            let frames = read(&bytes, &Limits::default(), &mut unit_ends);
+            let frames = read(&bytes, &Limits::default(), 1, &mut unit_ends);
             Original {
                 path,
                 bytes,
@@ -74,25 +74,36 @@ fn digest(frame: &Frame) -> u64 {
 }
 
 /// Unit and digest of every frame; goes on after errors.
-fn read(bytes: &[u8], limits: &Limits, unit_ends: &mut Vec<u64>) -> Vec<(u64, u64)> {
+fn read(
+    bytes: &[u8],
+    limits: &Limits,
+    threads: usize,
+    unit_ends: &mut Vec<u64>,
+) -> Vec<(u64, u64)> {
     let mut frames = Vec::new();
     let Ok(mut reader) = ContainerReader::new(bytes, limits) else {
         return frames;
     };
-    let mut parser = Parser::new(limits.clone());
+    let mut parser = Parser::new(limits.clone()).with_threads(threads);
     while let Ok(Some(unit)) = reader.next_unit() {
         unit_ends.push(unit.byte_offset + unit.data.len() as u64);
         parser.push(unit.data, unit.byte_offset);
-        loop {
-            match parser.next_frame() {
-                Ok(Some(frame)) => frames.push((frame.unit_index, digest(&frame))),
-                Ok(None) => break,
-                Err(error) => drop(error.to_string()),
-            }
-        }
+        drain(&mut parser, &mut frames);
     }
     let _ = parser.finish();
+    drain(&mut parser, &mut frames);
     frames
+}
+
+/// Takes every frame there is.
+fn drain(parser: &mut Parser, frames: &mut Vec<(u64, u64)>) {
+    loop {
+        match parser.next_frame() {
+            Ok(Some(frame)) => frames.push((frame.unit_index, digest(&frame))),
+            Ok(None) => return,
+            Err(error) => drop(error.to_string()),
+        }
+    }
 }
 
 /// Units that the damage left alone, with the sizes that follow them.
@@ -155,9 +166,12 @@ fn damage_never_panics_nor_exceeds_the_limits_nor_changes_what_comes_before() {
             bytes
         });
         let limits = limits(&mut random);
+        let threads = 1 + usize::from(random.below(4) == 0);
         let live = counting::start();
         let start = Instant::now();
-        let outcome = catch_unwind(AssertUnwindSafe(|| read(&bytes, &limits, &mut Vec::new())));
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            read(&bytes, &limits, threads, &mut Vec::new())
+        }));
         let usage = counting::usage(live);
         slowest.raise(start.elapsed(), number, &original.path);
         largest.raise(usage.largest, number, &original.path);

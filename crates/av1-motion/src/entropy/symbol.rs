@@ -9,6 +9,8 @@
     reason = "the innermost loop of the parser; measured in NOTES.md"
 )]
 
+mod even_odds;
+
 use std::hint::select_unpredictable;
 
 use super::cdf::{Cdf, Cdf2};
@@ -60,7 +62,7 @@ impl<'a> SymbolDecoder<'a> {
     fn take(&mut self, current: u32, previous: u32) {
         let (window, range) = (self.window - (u64::from(current) << 48), previous - current);
         // `15 - ilog2(range)`; the range is never 0 and has 16 bits.
-        let bits = ((range | 1).leading_zeros() & 15) as i32;
+        let bits = ((range | 1).ilog2() ^ 15) as i32;
         self.range = range << bits;
         self.window = window << bits;
         self.count -= bits;
@@ -144,6 +146,18 @@ impl<'a> SymbolDecoder<'a> {
         let bit = self.split(cdf.0[0] as u16);
         self.adapt(cdf, bit.into());
         bit
+    }
+
+    /// The same for a value that nothing is decided by, without a branch that depends on it.
+    #[inline(always)]
+    pub(crate) fn digit(&mut self, cdf: &mut Cdf2) -> u32 {
+        self.counter.symbol(2);
+        let lower = bound(self.range >> 8, cdf.0[0] as u16, 1);
+        let bit = self.value() < lower;
+        let choose = select_unpredictable::<u32>;
+        self.take(choose(bit, 0, lower), choose(bit, lower, self.range));
+        self.adapt(cdf, bit.into());
+        bit.into()
     }
 
     #[inline(always)]
@@ -236,42 +250,66 @@ fn bound(scale: u32, inverse: u16, remaining: usize) -> u32 {
 /// that none borrows from or carries into the next.
 #[inline(always)]
 fn adapt<const N: usize, const W: usize>(cdf: &mut Cdf<N, W>, symbol: u32) {
-    const LANES: u64 = 0x0001_0001_0001_0001;
-    /// Of a shifted lane, what has not come from the lane above: by rate, less the least one.
-    const KEPT: [[u64; 4]; 2] = {
-        let mut kept = [[0; 4]; 2];
-        let mut i = 0;
-        while i < 8 {
-            kept[i / 4][i % 4] = (0xffff >> (4 + i / 4 + i % 4)) * LANES;
-            i += 1;
-        }
-        kept
-    };
-    let is_large = usize::from(N >= 4);
-    let tempo = cdf.0[W - 1] >> 52;
-    let (rate, kept) = (
-        4 + is_large as u64 + tempo,
-        KEPT[is_large][tempo as usize & 3],
-    );
-    // The counter is no lane; it stays as it is at 32.
-    let counted = (!cdf.0[W - 1] & 32 << 48) >> 5;
+    let last = W - 1;
+    let tempo = (cdf.0[last] >> 52) as usize & 3;
+    let rate = 4 + u32::from(N >= 4) + tempo as u32;
+    let row = &STEPS[usize::from(N >= 4)][tempo];
     for (index, word) in cdf.0.iter_mut().enumerate() {
-        let kept = if index == W - 1 {
-            kept & (!0 >> 16)
+        let kept = if index == last { row.last } else { row.kept };
+        let rising = if W == 1 {
+            RISING[symbol as usize & 3]
         } else {
-            kept
-        };
-        // The lanes before the symbol rise, the others fall.
-        let rising = match symbol.saturating_sub(4 * index as u32) {
-            lanes if W > 1 && lanes >= 4 => !0,
-            lanes => (1 << (16 * lanes)) - 1,
+            // The lanes before the symbol rise, the others fall.
+            match symbol.saturating_sub(4 * index as u32) {
+                lanes if lanes >= 4 => !0,
+                lanes => (1 << (16 * lanes)) - 1,
+            }
         };
         let fall = *word >> rate & kept;
         let rise = ((LANES << 15) - *word) >> rate & kept;
         *word = *word - fall + ((fall + rise) & rising);
     }
-    cdf.0[W - 1] += counted;
+    cdf.0[last] += row.counted;
 }
+
+const LANES: u64 = 0x0001_0001_0001_0001;
+
+/// The lanes before a symbol rise, the others fall.
+static RISING: [u64; 4] = [0, 0xffff, 0xffff_ffff, 0xffff_ffff_ffff];
+
+/// What adaptation needs at one rate.
+struct Step {
+    /// Of a shifted lane, what has not come from the lane above.
+    kept: u64,
+    /// The same in the last word, where the counter is no lane.
+    last: u64,
+    /// What is added to the counter; it stays as it is at 32.
+    counted: u64,
+}
+
+/// By whether there are four symbols or more, and by the counter in units of 16.
+static STEPS: [[Step; 4]; 2] = {
+    let mut steps = [const {
+        [const {
+            Step {
+                kept: 0,
+                last: 0,
+                counted: 0,
+            }
+        }; 4]
+    }; 2];
+    let mut i = 0;
+    while i < 8 {
+        let kept = (0xffff >> (4 + i / 4 + i % 4)) * LANES;
+        steps[i / 4][i % 4] = Step {
+            kept,
+            last: kept & (!0 >> 16),
+            counted: if i % 4 < 2 { 1 << 48 } else { 0 },
+        };
+        i += 1;
+    }
+    steps
+};
 
 /// Whole bytes below the `count` (negative) missing bits of the window, and how many. The bits of a
 /// byte that fits in part are set too; the next refill sets the same bits again at the same place.

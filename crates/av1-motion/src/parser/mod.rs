@@ -126,7 +126,7 @@ impl Parser {
     #[must_use]
     pub fn with_threads(self, count: usize) -> Self {
         Self {
-            threads: (count > 1).then(|| Threads::new(count)),
+            threads: (count > 1).then(|| Threads::new(count)).flatten(),
             ..self
         }
     }

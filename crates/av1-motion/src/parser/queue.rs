@@ -8,7 +8,7 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::job::{FrameJob, FrameReader};
+use super::job::{FrameJob, FrameReader, TileBytes};
 use crate::error::Result;
 use crate::motion::Frame;
 use crate::tile::{Block, TileOutput};
@@ -22,7 +22,7 @@ pub(super) type Outcome = std::result::Result<Result<Box<Frame>>, Box<dyn Any + 
 /// A frame on its way through the threads.
 pub(super) struct QueuedFrame {
     pub(super) job: FrameJob,
-    /// Bytes of its tiles.
+    /// Bytes that it keeps alive.
     coded_bytes: usize,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Queue {
     entries: VecDeque<Entry>,
     /// By decode index.
     outcomes: Vec<(u64, Outcome)>,
-    /// Of the tiles of all frames that were not handed out yet, and of what was read of them.
+    /// Of the units of all frames that were not handed out yet, and of what was read of them.
     waiting_bytes: usize,
     pub(super) is_closed: bool,
 }
@@ -187,8 +187,19 @@ impl Queue {
 }
 
 impl QueuedFrame {
-    pub(super) fn new(job: FrameJob) -> Self {
-        let coded_bytes = job.tiles.iter().map(|tile| tile.range.len()).sum();
+    /// A frame keeps whole units alive, whatever else is in them. `last_unit` is the one that frames
+    /// before it have counted already.
+    pub(super) fn new(job: FrameJob, last_unit: &mut Option<Arc<Vec<u8>>>) -> Self {
+        let mut coded_bytes = 0;
+        for TileBytes { unit, .. } in &job.tiles {
+            if !last_unit
+                .as_ref()
+                .is_some_and(|last| Arc::ptr_eq(last, unit))
+            {
+                coded_bytes += unit.len();
+                *last_unit = Some(unit.clone());
+            }
+        }
         Self { job, coded_bytes }
     }
 

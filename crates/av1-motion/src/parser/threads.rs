@@ -17,6 +17,8 @@ use crate::motion::Frame;
 /// Frames in the queue, for each thread: enough for two segments of common lengths, so that every
 /// thread can work on one of its own.
 const FRAMES_PER_THREAD: usize = 64;
+/// More would wait for each other.
+const MAX_THREADS: usize = 256;
 /// How often a waiting caller asks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(10);
 
@@ -27,6 +29,8 @@ pub(super) struct Threads {
     capacity: usize,
     /// Everything not handed out yet, in order.
     pending: VecDeque<Pending>,
+    /// The unit of the last frame.
+    last_unit: Option<Arc<Vec<u8>>>,
     /// No more frames will come.
     is_closed: bool,
 }
@@ -48,21 +52,23 @@ struct Shared {
 }
 
 impl Threads {
-    pub(super) fn new(count: usize) -> Self {
+    /// As many threads as the system gives, up to `count`; none if it gives none.
+    pub(super) fn new(count: usize) -> Option<Self> {
         let shared = Arc::new(Shared::default());
-        let workers = (0..count)
-            .map(|_| {
+        let workers: Vec<_> = (0..count.min(MAX_THREADS))
+            .map_while(|_| {
                 let shared = shared.clone();
-                thread::spawn(move || shared.work())
+                thread::Builder::new().spawn(move || shared.work()).ok()
             })
             .collect();
-        Self {
+        (!workers.is_empty()).then(|| Self {
             shared,
+            capacity: FRAMES_PER_THREAD * workers.len(),
             workers,
-            capacity: FRAMES_PER_THREAD * count,
             pending: VecDeque::new(),
+            last_unit: None,
             is_closed: false,
-        }
+        })
     }
 
     /// Puts a frame at the end.
@@ -73,7 +79,7 @@ impl Threads {
         };
         let shared = self.shared.clone();
         job.interrupt = Interrupt::new(move || shared.is_stopped.load(Ordering::Relaxed));
-        let frame = Arc::new(QueuedFrame::new(job));
+        let frame = Arc::new(QueuedFrame::new(job, &mut self.last_unit));
         self.pending.push_back(Pending::Queued(frame.clone()));
         self.shared.lock().push(frame);
         self.shared.has_work.notify_one();

@@ -105,7 +105,7 @@ pub(super) struct LevelCdfs<'a> {
 #[derive(Default)]
 pub(super) struct Levels {
     /// How many are not zero.
-    coded: usize,
+    coded: u32,
     /// Their sum, Golomb codes not included.
     total: u32,
     /// How many continue with a Golomb code.
@@ -208,19 +208,15 @@ pub(super) fn read_signs(
         left -= 1;
     }
     for &before in scratch.long[..read.long].iter().rev() {
-        while left > usize::from(before) {
-            sums.negative += u64::from(symbols.bit());
-            left -= 1;
-        }
+        sums.negative += u64::from(symbols.ones(left - u32::from(before)));
+        left = before.into();
         let level = (read_golomb(&mut symbols)? + MAX_CODED_LEVEL) & 0xF_FFFF;
         sums.total = sums.total - u64::from(MAX_CODED_LEVEL + 1) + u64::from(level);
         if level == 0 && read.has_dc && left + 1 == read.coded {
             sums.dc_category = 0;
         }
     }
-    for _ in 0..left {
-        sums.negative += u64::from(symbols.bit());
-    }
+    sums.negative += u64::from(symbols.ones(left));
     *decoder = symbols;
     Ok(sums)
 }

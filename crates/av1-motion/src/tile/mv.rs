@@ -91,36 +91,32 @@ impl TileDecoder<'_> {
         let header = &self.frame.header;
         let symbols = &mut self.symbols;
         let cdfs = &mut self.cdfs.mv[context].components[component];
-        let is_negative = symbols.flag(&mut cdfs.sign);
+        let sign = symbols.digit(&mut cdfs.sign) as i32;
         let class = symbols.symbol(&mut cdfs.class);
-        let (integer, fr, hp, base);
+        let (mut integer, mut fr, mut hp, mut base) = (0, 3, 1, 0);
         if class == 0 {
-            integer = u32::from(symbols.flag(&mut cdfs.class0_bit));
-            fr = if header.force_integer_mv {
-                3
-            } else {
-                symbols.symbol(&mut cdfs.class0_fr[integer as usize])
-            };
-            hp = !header.allow_high_precision_mv || symbols.flag(&mut cdfs.class0_hp);
-            base = 0;
+            integer = symbols.digit(&mut cdfs.class0_bit);
+            if !header.force_integer_mv {
+                fr = symbols.symbol(&mut cdfs.class0_fr[integer as usize]).into();
+            }
+            if header.allow_high_precision_mv {
+                hp = symbols.digit(&mut cdfs.class0_hp);
+            }
         } else {
-            integer = (0..class).fold(0, |bits, i| {
-                bits | u32::from(symbols.flag(&mut cdfs.bits[i as usize])) << i
-            });
-            fr = if header.force_integer_mv {
-                3
-            } else {
-                symbols.symbol(&mut cdfs.fr)
-            };
-            hp = !header.allow_high_precision_mv || symbols.flag(&mut cdfs.hp);
+            for (i, cdf) in cdfs.bits.iter_mut().enumerate().take(class.into()) {
+                integer |= symbols.digit(cdf) << i;
+            }
+            if !header.force_integer_mv {
+                fr = symbols.symbol(&mut cdfs.fr).into();
+            }
+            if header.allow_high_precision_mv {
+                hp = symbols.digit(&mut cdfs.hp);
+            }
             base = 2 << (class + 2);
         }
-        let magnitude = base + (integer << 3 | u32::from(fr) << 1 | u32::from(hp)) + 1;
-        if is_negative {
-            -(magnitude as i32)
-        } else {
-            magnitude as i32
-        }
+        let magnitude = base + (integer << 3 | fr << 1 | hp) + 1;
+        // The sign as 0 or -1.
+        (magnitude as i32 ^ -sign) + sign
     }
 
     /// §6.10.25 `is_mv_valid` for intra block copy.

@@ -56,6 +56,8 @@ impl TileDecoder<'_> {
     ) -> TileResult<()> {
         let color = &self.frame.sequence.color;
         let (ss_x, ss_y) = (color.subsampling_x, color.subsampling_y);
+        let frame = &self.frame.header.size;
+        let (mi_rows, mi_cols) = (frame.mi_rows, frame.mi_cols);
         for plane in 0..if block.has_chroma { 3 } else { 1 } {
             let (x, y) = if plane > 0 { (ss_x, ss_y) } else { (0, 0) };
             let plane_size = SUBSAMPLED_SIZE[chunk as usize][x as usize][y as usize] as usize;
@@ -72,18 +74,18 @@ impl TileDecoder<'_> {
             } else {
                 plane_tx_size(block, plane, x as usize, y as usize)
             };
+            // §5.11.35: transform blocks that start outside the frame are not coded.
+            let end_x = (start_x + width4).min(mi_cols >> x);
+            let end_y = (start_y + height4).min(mi_rows >> y);
             let (step_x, step_y) = tx_size4(tx_size);
-            for row in (0..height4).step_by(step_y as usize) {
-                for col in (0..width4).step_by(step_x as usize) {
-                    self.transform_block(
-                        block,
-                        context,
-                        plane,
-                        tx_size,
-                        start_x + col,
-                        start_y + row,
-                    )?;
+            let mut y4 = start_y;
+            while y4 < end_y {
+                let mut x4 = start_x;
+                while x4 < end_x {
+                    self.coefficients(block, context, plane, tx_size, x4, y4)?;
+                    x4 += step_x;
                 }
+                y4 += step_y;
             }
         }
         Ok(())
@@ -110,7 +112,7 @@ impl TileDecoder<'_> {
         );
         if width4 <= tx_width4 && height4 <= tx_height4 {
             let size = TX_SIZE_OF_SHAPE[width4.ilog2() as usize][height4.ilog2() as usize];
-            return self.transform_block(block, context, 0, size, x4, y4);
+            return self.coefficients(block, context, 0, size, x4, y4);
         }
         let half_width = if width4 >= height4 {
             width4 / 2
@@ -122,35 +124,16 @@ impl TileDecoder<'_> {
         } else {
             height4
         };
-        for y in (0..height4).step_by(half_height as usize) {
-            for x in (0..width4).step_by(half_width as usize) {
+        let mut y = 0;
+        while y < height4 {
+            let mut x = 0;
+            while x < width4 {
                 self.transform_tree(block, context, x4 + x, y4 + y, half_width, half_height)?;
+                x += half_width;
             }
+            y += half_height;
         }
         Ok(())
-    }
-
-    /// §5.11.35 `transform_block`, at a position of its plane in units of 4 samples.
-    fn transform_block(
-        &mut self,
-        block: &mut Block,
-        context: &BlockContext,
-        plane: usize,
-        tx_size: u8,
-        x4: u32,
-        y4: u32,
-    ) -> TileResult<()> {
-        let color = &self.frame.sequence.color;
-        let (x, y) = if plane > 0 {
-            (color.subsampling_x, color.subsampling_y)
-        } else {
-            (0, 0)
-        };
-        let frame = &self.frame.header.size;
-        if x4 >= frame.mi_cols >> x || y4 >= frame.mi_rows >> y {
-            return Ok(());
-        }
-        self.coefficients(block, context, plane, tx_size, x4, y4)
     }
 }
 

@@ -23,10 +23,14 @@ impl TileDecoder<'_> {
         {
             let max = MAX_TX_SIZE_RECT[block.size as usize];
             let (width4, height4) = tx_size4(max);
-            for row in (0..block.height4() as u32).step_by(height4 as usize) {
-                for col in (0..block.width4() as u32).step_by(width4 as usize) {
+            let mut row = 0;
+            while row < block.height4() as u32 {
+                let mut col = 0;
+                while col < block.width4() as u32 {
                     self.read_var_tx_size(block, block.mi_row + row, block.mi_col + col, max, 0);
+                    col += width4;
                 }
+                row += height4;
             }
         } else {
             let allow_select = !block.skip || !block.is_inter;
@@ -91,10 +95,14 @@ impl TileDecoder<'_> {
         if is_split {
             let sub_size = SPLIT_TX_SIZE[size as usize];
             let (step_col, step_row) = tx_size4(sub_size);
-            for i in (0..height4).step_by(step_row as usize) {
-                for j in (0..width4).step_by(step_col as usize) {
+            let mut i = 0;
+            while i < height4 {
+                let mut j = 0;
+                while j < width4 {
                     self.read_var_tx_size(block, row + i, col + j, sub_size, depth + 1);
+                    j += step_col;
                 }
+                i += step_row;
             }
         } else {
             let area = self.grid.area(row, col, width4 as usize, height4 as usize);
