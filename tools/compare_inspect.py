@@ -4,14 +4,15 @@
 
 Whole processes in turn, one thread each. On one side a loop over ``mvmatch.open_video(FILE,
 threads=1)`` that keeps blocks, vectors and references. On the other ``inspect FILE -mv -r``, the
-least that says where each vector points, piped into tools/inspect_json.py: as it is ("JSON"), with
-Python's garbage collector off, and with ``-x``, which writes equal cells once ("runs", the best
-that JSON can do). CPU seconds are those of all processes of a side; "read" is without what Python
-takes to start and import. The last line of a file is the two programs without Python.
+least that says where each vector points, and tools/inspect_json.py: "file", as published work does
+it, through a file and ijson; "fast", through a pipe and json.loads without Python's garbage
+collector; "runs", the same with ``-x``, which writes equal cells once. CPU seconds are those of all
+processes of a side; "read" is without what Python takes to start and import. The last line of a
+file is the two programs without Python.
 
 Before a file is timed, the vectors of all inter blocks are compared. ``inspect`` is an example of
-libaom (CONFIG_INSPECTION=1) and has to be on the PATH. Build the parser's example first:
-``cargo build --release -p av1-motion --example count_vectors``.
+libaom (CONFIG_INSPECTION=1) and has to be on the PATH, ijson among Python's packages. Build the
+parser's example first: ``cargo build --release -p av1-motion --example count_vectors``.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tempfile
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,11 +49,7 @@ print(json.dumps({"frames": len(fields), "start": start}))
 LEAST = ["-mv", "-r"]
 RUNS = [*LEAST, "-x"]
 CONSUMER = [sys.executable, inspect_json.__file__]
-VARIANTS = {
-    "JSON": (LEAST, CONSUMER),
-    "JSON, gc off": (LEAST, [*CONSUMER, "--no-gc"]),
-    "runs, gc off": (RUNS, [*CONSUMER, "--no-gc"]),
-}
+VARIANTS = ("file", "fast", "runs")
 
 Row = tuple[float, float, float]
 """Wall, CPU and CPU seconds without Python's start."""
@@ -74,14 +72,27 @@ def compare(name: str, sides: list[Callable[[], tuple[Times, str]]], runs: int) 
     print(f"{name:<42}", *cells, flush=True)
 
 
-def compare_all(path: Path, runs: int) -> None:
+def inspect(path: Path, variant: str) -> tuple[Times, str]:
+    """Time ``inspect`` with Python behind it."""
+    if variant != "file":
+        layers = RUNS if variant == "runs" else LEAST
+        return pipe(["inspect", str(path), *layers], [*CONSUMER, "-", "--fast"])
+    with tempfile.NamedTemporaryFile(suffix=".json") as file:
+        (first, _), (second, output) = (
+            run(["inspect", str(path), *LEAST], stdout=file),
+            run([*CONSUMER, file.name]),
+        )
+    return Times(first.wall + second.wall, first.cpu + second.cpu), output
+
+
+def compare_all(path: Path, runs: int, only: str | None) -> None:
     """Print the lines of one file."""
     read = partial(run, [sys.executable, "-c", READ, str(path)])
-    for name, (layers, consumer) in VARIANTS.items():
-        theirs = partial(pipe, ["inspect", str(path), *layers], consumer)
-        compare(f"{path.stem:<26} {name}", [read, theirs], runs)
+    for variant in VARIANTS:
+        if only in {None, variant}:
+            compare(f"{path.stem:<26} {variant}", [read, partial(inspect, path, variant)], runs)
     programs = [[str(COUNT_VECTORS), str(path)], ["inspect", str(path), *LEAST]]
-    silent = [partial(run, command, keep_output=False) for command in programs]
+    silent = [partial(run, command, stdout=subprocess.DEVNULL) for command in programs]
     compare(f"{path.stem:<26} no Python", silent, runs)
 
 
@@ -93,7 +104,8 @@ def disagreement(path: Path, layers: list[str]) -> str | None:
         mvmatch.open_video(path, threads=1) as video,
     ):
         assert process.stdout is not None
-        for field, (mv, names) in zip(video, inspect_json.motion(process.stdout), strict=True):
+        frames = inspect_json.motion(inspect_json.loaded(process.stdout))
+        for field, (mv, names) in zip(video, frames, strict=True):
             ours, references = rasterize(field, *names.shape[:2])
             is_inter = names > 0
             if not np.array_equal(is_inter, references >= 0):
@@ -128,6 +140,7 @@ def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("streams", type=Path, nargs="+")
     arguments.add_argument("--runs", type=int, default=5)
+    arguments.add_argument("--only", choices=VARIANTS, help="one variant instead of all")
     options = arguments.parse_args()
     if shutil.which("inspect") is None or not COUNT_VECTORS.is_file():
         missing = COUNT_VECTORS if shutil.which("inspect") else "libaom's inspect on the PATH"
@@ -141,7 +154,7 @@ def main() -> int:
         if difference:
             print(f"compare_inspect: {path}: {difference}", file=sys.stderr)
             return 1
-        compare_all(path, options.runs)
+        compare_all(path, options.runs, options.only)
     return 0
 
 

@@ -1,20 +1,25 @@
-"""Read vectors and references from the JSON of libaom's ``inspect``.
+"""From the JSON of libaom's ``inspect`` to NumPy: one way that streams it, one that is fast.
 
-    inspect FILE.ivf -mv -r [-x] | python tools/inspect_json.py [--no-gc]
+    inspect FILE.ivf -mv -r > clip.json && python tools/inspect_json.py clip.json
+    inspect FILE.ivf -mv -r -x | python tools/inspect_json.py - --fast
 
-A dense picture of 4x4 px cells for each coded frame, as NumPy arrays. With ``-x`` a cell may be
-followed by ``[n]``: n more cells of the row are the same. Written to be fast: the garbage collector
-of Python looks through millions of short lists in vain, and ``--no-gc`` turns it off.
+The JSON is an array with an object for each frame; a layer is a list of rows of 4x4 px cells. A
+cell of ``motionVectors`` is ``[dx0, dy0, dx1, dy1]`` in 1/8 px, one of ``referenceFrame`` two names
+(-1 none, 0 intra, 1 to 7 LAST to ALTREF). With ``-x`` an item ``[n]`` of a row repeats the cell
+before it n times.
+
+Without ``--fast`` the frames come from ijson, which holds one at a time; with it from json.loads,
+with Python's garbage collector off: it would look through millions of short lists in vain.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import gc
 import json
 import sys
 import time
-from itertools import chain
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,56 +29,63 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Rows = list[list[list[int]]]
+WIDTHS = {"motionVectors": 4, "referenceFrame": 2}
 
 
-def frames(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
-    """Parse one frame after the other: each ends with a line ``},``."""
-    lines: list[bytes] = []
-    for line in stream:
-        if line == b"},\n":
-            yield json.loads(b"".join([*lines, b"}"]))
-            lines = []
-        elif line != b"[\n":
-            lines.append(line)
+def streamed(source: IO[bytes]) -> Iterator[dict[str, Any]]:
+    """Frames, one at a time, through ijson."""
+    import ijson
+
+    # The last item is null.
+    yield from filter(None, ijson.items(source, "item"))
 
 
-def cells(rows: Rows, width: int) -> NDArray[np.int16]:
-    """(H, W, width) values of all cells, the runs of ``-x`` unrolled if there are any."""
-    items = list(chain.from_iterable(rows))
-    values = np.fromiter(chain.from_iterable(items), np.int16)
-    if len(values) != width * len(items):
-        values = _unroll(values, np.fromiter(map(len, items), np.int64, len(items)), width)
-    return values.reshape(len(rows), -1, width)
+def loaded(source: IO[bytes]) -> Iterator[dict[str, Any]]:
+    """Frames through json.loads: a line ``},`` ends each."""
+    text = bytearray()
+    for line in source:
+        text += line
+        if line.rstrip() in {b"},", b"}"}:
+            yield json.loads(text.strip(b"[,\n "))
+            text.clear()
 
 
-def _unroll(values: NDArray[np.int16], lengths: NDArray[np.int64], width: int) -> NDArray[np.int16]:
-    """(N, width) cells; an item of length 1 repeats the cell before it that often."""
-    starts = lengths.cumsum() - lengths
-    is_cell = lengths == width
-    distinct = values[starts[is_cell, None] + np.arange(width)]
-    counts = np.ones(len(distinct), np.int64)
-    counts[is_cell.cumsum()[~is_cell] - 1] += values[starts[~is_cell]]
-    return distinct.repeat(counts, axis=0)
+def dense(rows: list[list[list[int]]], width: int) -> NDArray[np.int16]:
+    """(H, W, width) values; runs are unrolled."""
+    if all(len(row) == len(rows[0]) for row in rows) and len(rows[0][-1]) == width:
+        with contextlib.suppress(ValueError):  # a run somewhere: the shape is not regular
+            return np.array(rows, np.int16)
+    return np.array([unrolled(row) for row in rows], np.int16)
 
 
-def motion(stream: IO[bytes]) -> Iterator[tuple[NDArray[np.int16], NDArray[np.int16]]]:
-    """Vectors (H, W, 4) ``[dx0, dy0, dx1, dy1]`` in 1/8 px, references (H, W, 2) of each frame.
+def unrolled(row: list[list[int]]) -> list[list[int]]:
+    """Put the cells that ``-x`` leaves out into a row."""
+    cells: list[list[int]] = []
+    for item in row:
+        cells.extend([cells[-1]] * item[0] if len(item) == 1 else [item])
+    return cells
 
-    References: -1 none, 0 intra, 1 to 7 LAST to ALTREF.
-    """
-    for frame in frames(stream):
-        yield cells(frame["motionVectors"], 4), cells(frame["referenceFrame"], 2)
+
+def motion(frames: Iterator[dict[str, Any]]) -> Iterator[list[NDArray[np.int16]]]:
+    """Vectors (H, W, 4) and references (H, W, 2) of each frame."""
+    for frame in frames:
+        yield [dense(frame[layer], width) for layer, width in WIDTHS.items()]
 
 
 def main() -> None:
-    """Print what was read and the CPU seconds of Python's start, as JSON."""
+    """Print how many frames there were, and the CPU seconds of Python's start, as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--no-gc", action="store_true")
-    if parser.parse_args().no_gc:
+    parser.add_argument("source", help="a file, or - for standard input")
+    parser.add_argument("--fast", action="store_true")
+    options = parser.parse_args()
+    if options.fast:
         gc.disable()
+    else:
+        import ijson  # noqa: F401 - its import belongs to the start
     start = time.process_time()
-    fields = list(motion(sys.stdin.buffer))
+    read = loaded if options.fast else streamed
+    with sys.stdin.buffer if options.source == "-" else open(options.source, "rb") as source:  # noqa: PTH123
+        fields = list(motion(read(source)))
     print(json.dumps({"frames": len(fields), "start": start}))
 
 

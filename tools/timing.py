@@ -6,7 +6,7 @@ import resource
 import subprocess
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,9 +31,8 @@ def timed(work: Callable[[], str]) -> tuple[Times, str]:
     return Times(wall, cpu), output
 
 
-def run(command: list[str], *, keep_output: bool = True) -> tuple[Times, str]:
-    """Time one process; return what it printed as well."""
-    stdout = subprocess.PIPE if keep_output else subprocess.DEVNULL
+def run(command: list[str], *, stdout: int | IO[bytes] = subprocess.PIPE) -> tuple[Times, str]:
+    """Time one process; return what it printed as well, if that goes nowhere else."""
 
     def work() -> str:
         done = subprocess.run(
