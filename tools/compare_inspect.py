@@ -3,12 +3,13 @@
     python tools/compare_inspect.py FILE.ivf ...
 
 Whole processes in turn, one thread each. On one side a loop over ``mvmatch.open_video(FILE,
-threads=1)`` that keeps blocks, vectors and references. On the other ``inspect FILE -mv -r``, the
-least that says where each vector points, and tools/inspect_json.py: "file", as published work does
-it, through a file and ijson; "fast", through a pipe and json.loads without Python's garbage
-collector; "runs", the same with ``-x``, which writes equal cells once. CPU seconds are those of all
-processes of a side; "read" is without what Python takes to start and import. The last line of a
-file is the two programs without Python.
+threads=1)`` that keeps blocks, vectors and references. On the other ``inspect`` and
+tools/inspect_json.py. "paper": what its rules ask for (vectors, references, the block sizes that
+give the centres, skip flags: ``-mv -r -bs -s``) through a file and ijson. "least": ``-mv -r``, only
+where each vector points, the same way. "fast": through a pipe and json.loads without Python's
+garbage collector. "runs": as "fast" with ``-x``, which writes equal cells once. CPU seconds are
+those of all processes of a side; "read" is without what Python takes to start and import (both
+sides leave without taking Python down). The last line of a file is the two programs without Python.
 
 Before a file is timed, the vectors of all inter blocks are compared. ``inspect`` is an example of
 libaom (CONFIG_INSPECTION=1) and has to be on the PATH, ijson among Python's packages. Build the
@@ -39,17 +40,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 READ = """
-import json, sys, time
+import json, os, sys, time
 import numpy, mvmatch, mvmatch.sources.av1
 start = time.process_time()
 with mvmatch.open_video(sys.argv[1], threads=1) as video:
     fields = [(field.block, field.mv, field.ref_frame) for field in video]
-print(json.dumps({"frames": len(fields), "start": start}))
+print(json.dumps({"frames": len(fields), "start": start}), flush=True)
+os._exit(0)
 """
 LEAST = ["-mv", "-r"]
 RUNS = [*LEAST, "-x"]
+VARIANTS = {"paper": [*LEAST, "-bs", "-s"], "least": LEAST, "fast": LEAST, "runs": RUNS}
 CONSUMER = [sys.executable, inspect_json.__file__]
-VARIANTS = ("file", "fast", "runs")
 
 Row = tuple[float, float, float]
 """Wall, CPU and CPU seconds without Python's start."""
@@ -74,12 +76,12 @@ def compare(name: str, sides: list[Callable[[], tuple[Times, str]]], runs: int) 
 
 def inspect(path: Path, variant: str) -> tuple[Times, str]:
     """Time ``inspect`` with Python behind it."""
-    if variant != "file":
-        layers = RUNS if variant == "runs" else LEAST
-        return pipe(["inspect", str(path), *layers], [*CONSUMER, "-", "--fast"])
+    command = ["inspect", str(path), *VARIANTS[variant]]
+    if variant in {"fast", "runs"}:
+        return pipe(command, [*CONSUMER, "-", "--fast"])
     with tempfile.NamedTemporaryFile(suffix=".json") as file:
         (first, _), (second, output) = (
-            run(["inspect", str(path), *LEAST], stdout=file),
+            run(command, stdout=file),
             run([*CONSUMER, file.name]),
         )
     return Times(first.wall + second.wall, first.cpu + second.cpu), output
