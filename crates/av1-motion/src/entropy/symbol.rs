@@ -256,15 +256,7 @@ fn adapt<const N: usize, const W: usize>(cdf: &mut Cdf<N, W>, symbol: u32) {
     let row = &STEPS[usize::from(N >= 4)][tempo];
     for (index, word) in cdf.0.iter_mut().enumerate() {
         let kept = if index == last { row.last } else { row.kept };
-        let rising = if W == 1 {
-            RISING[symbol as usize & 3]
-        } else {
-            // The lanes before the symbol rise, the others fall.
-            match symbol.saturating_sub(4 * index as u32) {
-                lanes if lanes >= 4 => !0,
-                lanes => (1 << (16 * lanes)) - 1,
-            }
-        };
+        let rising = RISING[(symbol as usize).saturating_sub(4 * index).min(4)];
         let fall = *word >> rate & kept;
         let rise = ((LANES << 15) - *word) >> rate & kept;
         *word = *word - fall + ((fall + rise) & rising);
@@ -275,7 +267,7 @@ fn adapt<const N: usize, const W: usize>(cdf: &mut Cdf<N, W>, symbol: u32) {
 const LANES: u64 = 0x0001_0001_0001_0001;
 
 /// The lanes before a symbol rise, the others fall.
-static RISING: [u64; 4] = [0, 0xffff, 0xffff_ffff, 0xffff_ffff_ffff];
+static RISING: [u64; 5] = [0, 0xffff, 0xffff_ffff, !0 >> 16, !0];
 
 /// What adaptation needs at one rate.
 struct Step {

@@ -104,9 +104,9 @@ impl Search<'_> {
     fn search_stack(&mut self, candidate: &Block, list: usize, weight: u32) {
         let header = &self.tile.frame.header;
         let size = candidate.size as usize;
-        let is_large = BLOCK_WIDTH[size].min(BLOCK_HEIGHT[size]) >= 8;
         let is_global = matches!(candidate.y_mode, GLOBALMV | GLOBAL_GLOBALMV);
-        let mv = if is_global && is_large && self.has_model(0) {
+        let is_large = || BLOCK_WIDTH[size].min(BLOCK_HEIGHT[size]) >= 8;
+        let mv = if is_global && is_large() && self.has_model(0) {
             self.stack.global_mvs[0]
         } else {
             candidate.mv[list]

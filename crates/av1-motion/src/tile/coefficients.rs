@@ -220,6 +220,6 @@ fn read_eob(
     }
     let bits = eob_pt - 2;
     let cdf = &mut coef.eob_extra[size_context][plane_type][eob_pt - 3];
-    let high = usize::from(symbols.flag(cdf)) << (bits - 1);
+    let high = (symbols.digit(cdf) as usize) << (bits - 1);
     (1 << bits) + 1 + high + symbols.literal(bits as u32 - 1) as usize
 }

@@ -202,9 +202,9 @@ pub(super) fn read_signs(
     };
     let mut left = read.coded;
     if read.has_dc {
-        let is_negative = symbols.flag(dc_sign);
-        sums.dc_category = if is_negative { 1 } else { 2 };
-        sums.negative = is_negative.into();
+        let sign = symbols.digit(dc_sign);
+        sums.dc_category = 2 - sign as u8;
+        sums.negative = sign.into();
         left -= 1;
     }
     for &before in scratch.long[..read.long].iter().rev() {

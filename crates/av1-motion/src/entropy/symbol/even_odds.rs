@@ -31,12 +31,10 @@ impl SymbolDecoder<'_> {
     /// As many bits, which the window holds, of a range with equal halves; inverted.
     #[inline(always)]
     fn divide(&mut self, bits: u32) -> u64 {
-        for _ in 0..if cfg!(feature = "trace") { bits } else { 0 } {
-            self.counter.symbol(2);
-        }
+        (0..bits).for_each(|_| self.counter.symbol(2));
         let (digits, range) = (self.window >> (48 - bits), u64::from(self.range));
         let quotient = digits / range;
-        self.window = (self.window - (quotient * range << (48 - bits))) << bits;
+        self.window = (self.window - ((quotient * range) << (48 - bits))) << bits;
         self.count -= bits as i32;
         quotient
     }

@@ -175,3 +175,28 @@ fn a_tile_ends_with_a_one_and_zeros_and_nowhere_else() {
     assert!(SymbolDecoder::new(&[0x80, 0, 1], true).finish().is_err());
     assert!(SymbolDecoder::new(&[], true).finish().is_err());
 }
+
+#[test]
+fn many_bits_at_once_are_those_read_one_by_one() {
+    for seed in 0..200 {
+        let data = noise(seed, seed as usize * 2);
+        let mut ours = SymbolDecoder::new(&data, true);
+        let mut theirs = Specification::init_symbol(&data);
+        let (mut cdf, mut printed) = (Cdf2::from_spec(row::<3>()), row::<3>());
+        for read in 0..300 {
+            let digit = ours.digit(&mut cdf);
+            assert_eq!(digit as usize, theirs.symbol(&mut printed, true));
+            assert_eq!(cdf.inverse(0), (1 << 15) - printed[0]);
+            let left = read * 7 % 90;
+            let wanted: usize = (0..left)
+                .map(|_| theirs.symbol(&mut [1 << 14, 1 << 15, 0], false))
+                .sum();
+            assert_eq!(
+                ours.ones(left) as usize,
+                wanted,
+                "read {read} of seed {seed}"
+            );
+            assert_eq!(ours.max_bits(), theirs.symbol_max_bits);
+        }
+    }
+}
