@@ -174,7 +174,14 @@ impl Frame {
         if reference.display_index == self.display_index {
             return None;
         }
-        let scaled = |mi: u32, axis: usize| (f64::from(mi * 4) * scale[axis]).round() as i32;
+        let scaled = |mi: u32, axis: usize| {
+            // Nearly always, and `round` is a call on processors without an instruction for it.
+            if scale[axis].to_bits() == 1_f64.to_bits() {
+                (mi * 4) as i32
+            } else {
+                (f64::from(mi * 4) * scale[axis]).round() as i32
+            }
+        };
         let (x, y) = (scaled(block.mi_col, 0), scaled(block.mi_row, 1));
         let right = scaled(block.mi_col + block.width4() as u32, 0);
         let bottom = scaled(block.mi_row + block.height4() as u32, 1);

@@ -1,6 +1,7 @@
 //! §7.11.3.6 Setup shear, §7.11.3.7 Resolve divisor, §7.11.3.8 Warp estimation: the affine models of
 //! warped blocks. They are output only: no symbol depends on them.
 
+use crate::mvpred::global;
 use crate::mvpred::warp_samples::WarpSamples;
 use crate::tables::arithmetic::DIV_LUT;
 use crate::tables::symbols::{
@@ -12,7 +13,21 @@ use crate::tile::Block;
 /// 1 in the fixed-point format of warp parameters.
 const ONE: i64 = 1 << WARPEDMODEL_PREC_BITS;
 
-/// §4.7 `Round2Signed`, wide enough for the products of hostile streams.
+/// §4.7 `Round2Signed` of a product, wide enough for those of hostile streams.
+#[inline]
+fn round2_product(value: i64, factor: i64, bits: i32) -> i128 {
+    let Some(product) = value.checked_mul(factor) else {
+        return round2_signed(i128::from(value) * i128::from(factor), bits);
+    };
+    if bits <= 0 {
+        return product.into();
+    }
+    // One word is enough nearly always, and much faster.
+    let rounded = i128::from((product.unsigned_abs() + (1 << (bits - 1))) >> bits);
+    if product < 0 { -rounded } else { rounded }
+}
+
+/// §4.7 `Round2Signed`.
 fn round2_signed(value: i128, bits: i32) -> i128 {
     if bits <= 0 {
         return value;
@@ -43,19 +58,19 @@ pub(crate) fn is_shear_valid(params: &[i32; 6]) -> bool {
     if params[2] <= 0 {
         return false;
     }
-    let clip = |value: i128| value.clamp(-32768, 32767);
+    let clip = |value: i128| value.clamp(-32768, 32767) as i64;
     let (shift, factor) = resolve_divisor(params[2]);
-    let divide = |value: i64| round2_signed(i128::from(value) * i128::from(factor), shift);
-    let reduce =
-        |value: i128| round2_signed(value, WARP_PARAM_REDUCE_BITS) << WARP_PARAM_REDUCE_BITS;
+    let divide = |value: i64| round2_product(value, factor, shift);
+    let reduce = |value: i64| {
+        global::round2_signed(value, WARP_PARAM_REDUCE_BITS as u32) << WARP_PARAM_REDUCE_BITS
+    };
     let alpha = reduce(clip((params[2] - ONE).into()));
     let beta = reduce(clip(params[3].into()));
     let gamma = reduce(clip(divide(params[4] << WARPEDMODEL_PREC_BITS)));
     let delta = reduce(clip(
         i128::from(params[5] - ONE) - divide(params[3] * params[4]),
     ));
-    4 * alpha.abs() + 7 * beta.abs() < i128::from(ONE)
-        && 4 * gamma.abs() + 4 * delta.abs() < i128::from(ONE)
+    4 * alpha.abs() + 7 * beta.abs() < ONE && 4 * gamma.abs() + 4 * delta.abs() < ONE
 }
 
 /// §7.11.3.8 Warp estimation process: `LocalWarpParams`, or nothing when `LocalValid` is 0.
@@ -91,7 +106,7 @@ pub(crate) fn estimate_local_warp(block: &Block, samples: &WarpSamples) -> Optio
         shift = 0;
     }
     let clamp = i128::from(WARPEDMODEL_NONDIAGAFFINE_CLAMP);
-    let divide = |value: i64| round2_signed(i128::from(value) * i128::from(factor), shift);
+    let divide = |value: i64| round2_product(value, factor, shift);
     let nondiag = |value: i64| divide(value).clamp(-clamp + 1, clamp - 1) as i64;
     let diag = |value: i64| {
         divide(value).clamp(i128::from(ONE) - clamp + 1, i128::from(ONE) + clamp - 1) as i64
@@ -106,4 +121,36 @@ pub(crate) fn estimate_local_warp(block: &Block, samples: &WarpSamples) -> Optio
     let limit = i64::from(WARPEDMODEL_TRANS_CLAMP);
     let translation = |value: i64| value.clamp(-limit, limit - 1);
     Some([translation(vx), translation(vy), p2, p3, p4, p5].map(|value| value as i32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_word_rounds_a_product_as_two_words_do() {
+        let factors = [-16_384, -9000, -1, 0, 1, 3, 8191, 16_384, i64::MAX];
+        let values = [
+            i64::MIN,
+            -(1 << 47) - 1,
+            -65,
+            -32,
+            0,
+            31,
+            32,
+            1 << 49,
+            i64::MAX,
+        ];
+        for (value, factor) in values.iter().flat_map(|&v| factors.map(|f| (v, f))) {
+            for bits in [-1, 0, 1, 6, 14, 61] {
+                let wide = round2_signed(i128::from(value) * i128::from(factor), bits);
+                assert_eq!(round2_product(value, factor, bits), wide);
+                if let (Ok(narrow), Ok(bits)) = (i64::try_from(wide >> 2), u32::try_from(bits)) {
+                    let narrow = narrow / 4;
+                    let expected = round2_signed(narrow.into(), bits as i32);
+                    assert_eq!(i128::from(global::round2_signed(narrow, bits)), expected);
+                }
+            }
+        }
+    }
 }

@@ -77,6 +77,6 @@ pub(crate) fn round2_signed(value: i64, bits: u32) -> i64 {
     if bits == 0 {
         return value;
     }
-    let rounded = (value.abs() + (1 << (bits - 1))) >> bits;
-    if value < 0 { -rounded } else { rounded }
+    // Halves go away from zero: negative values are rounded up from one less.
+    (value + (1 << (bits - 1)) + (value >> 63)) >> bits
 }

@@ -1,7 +1,7 @@
 //! §7.9 Motion field estimation and §7.10 Motion vector prediction.
 
 mod extra;
-mod global;
+pub(crate) mod global;
 mod overlap;
 pub(crate) mod projection;
 mod spatial;

@@ -170,11 +170,8 @@ fn project_position(
     max_offset: i32,
 ) -> Option<usize> {
     let delta = i32::from(delta);
-    let offset = if delta >= 0 {
-        delta >> 6
-    } else {
-        -((-delta) >> 6)
-    };
+    // Towards zero.
+    let offset = (delta + (delta >> 31 & 63)) >> 6;
     let base = v8 as i32 >> 3 << 3;
     let moved = v8 as i32 + sign * offset;
     let is_valid = moved >= 0
