@@ -113,3 +113,74 @@ def trajectory_error(centers: ArrayLike, reference: ArrayLike) -> TrajectoryErro
         percent_of_path=100.0 * rmse / path_length if path_length > 0 else np.inf,
         num_frames=len(target),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelativeTrajectoryError:
+    """Relative pose error (RPE) over a fixed number of frames, after Sim(3) alignment."""
+
+    translation_rmse: float
+    """Units of the reference."""
+    rotation_rmse: float
+    """Degrees."""
+    delta: int
+    """Frames between the two poses of each pair."""
+    num_pairs: int
+
+
+def relative_trajectory_error(
+    world_from_cam: ArrayLike, reference: ArrayLike, *, delta: int = 1
+) -> RelativeTrajectoryError:
+    """Compare the motion over ``delta`` frames of two trajectories: drift without its history.
+
+    Parameters
+    ----------
+    world_from_cam, reference : (N, 3, 4) float
+        Rotation and camera centre of the same frames in the same order; N >= 3. The first is
+        aligned to the second by the best similarity of the centres.
+    delta : int
+        Frames between the poses of a pair; every pair counts, overlapping ones too.
+
+    Returns
+    -------
+    RelativeTrajectoryError
+
+    Raises
+    ------
+    ValueError
+        As for :func:`align_similarity`, or no two frames are ``delta`` apart.
+
+    References
+    ----------
+    Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012, section IV-B.
+    """
+    from mvmatch.geometry.pose_error import rotation_angle
+
+    found, true = np.asarray(world_from_cam, np.float64), np.asarray(reference, np.float64)
+    if found.ndim != 3 or found.shape[1:] != (3, 4) or found.shape != true.shape:
+        raise ValueError(f"need two (N, 3, 4) arrays, got {found.shape} and {true.shape}")
+    if not 0 < delta < len(true):
+        raise ValueError(f"no two of {len(true)} frames are {delta} apart")
+    similarity = align_similarity(found[:, :, 3], true[:, :, 3])
+    rotations = similarity.rotation @ found[:, :, :3]
+    moved = _steps(rotations, similarity.apply(found[:, :, 3]), delta)
+    wanted = _steps(true[:, :, :3], true[:, :, 3], delta)
+    # (Q_i^-1 Q_j)^-1 (P_i^-1 P_j): its translation is that difference, rotated.
+    distance = np.linalg.norm(moved[1] - wanted[1], axis=1)
+    pairs = zip(wanted[0], moved[0], strict=True)
+    angle = np.array([rotation_angle(a.T @ b) for a, b in pairs])
+    return RelativeTrajectoryError(
+        translation_rmse=float(np.sqrt((distance**2).mean())),
+        rotation_rmse=float(np.sqrt((angle**2).mean())),
+        delta=delta,
+        num_pairs=len(distance),
+    )
+
+
+def _steps(
+    rotations: NDArray[np.float64], centers: NDArray[np.float64], delta: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation and translation of ``cam_i_from_cam_j``, ``j = i + delta``."""
+    back = rotations[:-delta].transpose(0, 2, 1)
+    steps = centers[delta:] - centers[:-delta]
+    return back @ rotations[delta:], np.einsum("nij,nj->ni", back, steps)
