@@ -50,7 +50,11 @@ class EncoderArguments:
 
 
 def encoder_arguments(
-    name: ExecutableEncoder, *, quality: int | None = None, speed: int | None = None
+    name: ExecutableEncoder,
+    *,
+    quality: int | None = None,
+    speed: int | None = None,
+    usage: Literal["realtime", "good"] = "realtime",
 ) -> EncoderArguments:
     """Return settings for matching: one key frame, past references only, constant quality.
 
@@ -65,7 +69,7 @@ def encoder_arguments(
         return EncoderArguments(
             before_input=(),
             after_input=(
-                *codec, "-usage", "realtime", "-cpu-used", str(speed), "-lag-in-frames", "0",
+                *codec, "-usage", usage, "-cpu-used", str(speed), "-lag-in-frames", "0",
                 "-crf", str(quality), "-b:v", "0", "-row-mt", "1", *one_key_frame,
             ),
         )  # fmt: skip
@@ -182,7 +186,9 @@ def encode_to_ivf(
     ------
     UnsupportedError : the encoder refuses; the message holds its first complaint.
     """
-    arguments = encoder_arguments(name, quality=options.quality, speed=options.speed)
+    arguments = encoder_arguments(
+        name, quality=options.quality, speed=options.speed, usage=options.usage
+    )
     rate = f"{frames.frame_rate.numerator}/{frames.frame_rate.denominator}"
     command = _command(executable, arguments, frames.width, frames.height, rate)
     times: list[int] = []

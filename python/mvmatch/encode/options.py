@@ -29,6 +29,9 @@ class EncodeOptions:
     """svt preset 8 (0-13), libaom cpu-used 6 (0-11), nvenc preset 1 (1-7); higher is faster,
     for nvenc slower. SVT preset 8 is the default because its vectors have 1/8 px steps and are the
     more exact ones; preset 10 stops at 1/4 px but costs half and covers more of the picture."""
+    usage: Literal["realtime", "good"] = "realtime"
+    """libaom only. ``good`` searches wider and more exactly and costs several times as much; both
+    without lag, so that references lie in the past."""
     frame_rate: float = 30.0
     """Frames per s written for a folder of images; a video keeps its own times."""
     max_frames: int | None = None

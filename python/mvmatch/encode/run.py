@@ -77,7 +77,9 @@ def encode_video(
             assert status.executable is not None
             name = options.encoder
             settings = str(
-                ffmpeg.encoder_arguments(name, quality=options.quality, speed=options.speed)
+                ffmpeg.encoder_arguments(
+                    name, quality=options.quality, speed=options.speed, usage=options.usage
+                )
             )
             times = ffmpeg.encode_to_ivf(
                 frames, raw,
