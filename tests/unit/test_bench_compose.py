@@ -86,7 +86,9 @@ def test_repeated_frames_do_not_move(drive):
     sequence = COMPOSITIONS["repeats"](drive)
 
     assert len(sequence) == FRAMES * 5 // 4
-    still = [np.array_equal(a, b) for a, b in zip(sequence.centers, sequence.centers[1:], strict=False)]
+    still = [
+        np.array_equal(a, b) for a, b in zip(sequence.centers, sequence.centers[1:], strict=False)
+    ]
     assert still[:6] == [True, False, False, False, False, True]
     np.testing.assert_allclose(sequence.truth.targets(0, 1, [[100, 90]]).xy, [[100, 90]])
 

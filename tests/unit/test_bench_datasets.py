@@ -79,7 +79,9 @@ def test_a_nerf_camera_looks_along_its_negative_z_axis(kitti):
     matrix = np.eye(4)
     matrix[:3, 3] = [1, 2, 3]
     names = ["000002.png", "000000.png", "gone.png"]
-    frames = [{"file_path": f"images/{name}", "transform_matrix": matrix.tolist()} for name in names]
+    frames = [
+        {"file_path": f"images/{name}", "transform_matrix": matrix.tolist()} for name in names
+    ]
     document = {**lens, "w": 60.0, "h": 40.0, "frames": frames}
     (kitti / "transforms.json").write_text(json.dumps(document))
     sequence = load_sequence(kitti)

@@ -40,7 +40,7 @@ def test_static_moving_and_hidden_points_are_told_apart(tmp_path):
     # A point of the wall, one of the plate, and one of the wall that the plate will cover.
     found = truth.targets(0, 1, [[150.5, 50], [100.3, 50.2], [113.5, 50]])
 
-    # The camera moves right by 0.5 m: the wall by -0.5 * 100 / 10, the plate by (1 - 0.5) * 100 / 5.
+    # The camera moves right by 0.5 m: the wall by -0.5 * 100 / 10, the plate by 0.5 * 100 / 5.
     np.testing.assert_allclose(found.xy, [[145.5, 50], [110.3, 50.2], [108.5, 50]], atol=1e-9)
     assert found.visible.tolist() == [True, True, False]
     assert found.moving.tolist() == [False, True, False]

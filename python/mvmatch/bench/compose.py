@@ -63,7 +63,9 @@ class ComposedFrames:
         if not np.allclose(matrix, np.eye(3), atol=1e-12):
             flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
             border = cv2.BORDER_REPLICATE
-            image = cv2.warpPerspective(image, matrix, self.how.size, flags=flags, borderMode=border)
+            image = cv2.warpPerspective(
+                image, matrix, self.how.size, flags=flags, borderMode=border
+            )
         if self.how.overlay is not None:
             covered = self.how.overlay[:, :, 3:] > 0
             image = np.where(covered, self.how.overlay[:, :, :3], image)
@@ -253,4 +255,6 @@ def _mapped(matrix: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.
 def _turn(yaw: float, pitch: float) -> NDArray[np.float64]:
     """(3, 3) camera from still: right by ``yaw``, down by ``pitch``, radians."""
     a, b, c, d = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
-    return np.array([[1, 0, 0], [0, c, -d], [0, d, c]]) @ np.array([[a, 0, -b], [0, 1, 0], [b, 0, a]])
+    return np.array([[1, 0, 0], [0, c, -d], [0, d, c]]) @ np.array(
+        [[a, 0, -b], [0, 1, 0], [b, 0, a]]
+    )

@@ -199,9 +199,7 @@ def write_frames(sequence: Sequence, folder: Path) -> list[Path]:
         In display order, which is the order of their names.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    return [
-        sequence.frames.write(index, folder / f"{index:06d}") for index in range(len(sequence))
-    ]
+    return [sequence.frames.write(index, folder / f"{index:06d}") for index in range(len(sequence))]
 
 
 def _sequence(
@@ -248,7 +246,9 @@ def _load_nerf(folder: Path) -> Sequence:
     path = folder / "transforms.json"
     try:
         data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        names = {Path(frame["file_path"]).name: frame["transform_matrix"] for frame in data["frames"]}
+        names = {
+            Path(frame["file_path"]).name: frame["transform_matrix"] for frame in data["frames"]
+        }
         numbers = [float(data[key]) for key in ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2")]
         size = f"{int(data['w'])},{int(data['h'])}"
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -1,9 +1,9 @@
 """Where points truly go: the interface, and rendered scenes with exact geometry.
 
-The layout of a rendered scene (``scene.npz``): ``tri`` (T, 3, 3) triangles in object coordinates, m;
-``tri_obj`` (T,) object of each; ``obj_T`` (F, O, 4, 4) object to world; ``cam`` (F, 3, 4) camera to
-world; ``K`` (3, 3) px; ``k1`` radial distortion (COLMAP's SIMPLE_RADIAL); ``size`` width and height.
-A ray that hits nothing sees the sky at infinity.
+The layout of a rendered scene (``scene.npz``): ``tri`` (T, 3, 3) triangles in object coordinates,
+m; ``tri_obj`` (T,) object of each; ``obj_T`` (F, O, 4, 4) object to world; ``cam`` (F, 3, 4) camera
+to world; ``K`` (3, 3) px; ``k1`` radial distortion (COLMAP's SIMPLE_RADIAL); ``size`` width and
+height. A ray that hits nothing sees the sky at infinity.
 """
 
 # embreex carries no types.
@@ -207,7 +207,7 @@ _ARRAYS = ("tri", "tri_obj", "obj_T", "cam", "K", "k1", "size")
 
 def inside(xy: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.bool_]:
     """Mark (N, 2) points that lie in a picture; NaN does not."""
-    return ((xy >= 0) & (xy <= np.asarray(size))).all(axis=1)
+    return np.all((xy >= 0) & (xy <= np.asarray(size)), axis=1)
 
 
 def _embree_scene(world: NDArray[np.float64]) -> Any:

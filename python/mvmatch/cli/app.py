@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cyclopts import App, CycloptsError
 
 import mvmatch
-from mvmatch.cli import models, runs, stages
+from mvmatch.cli import bench, models, runs, stages
 from mvmatch.cli.console import Outcome, describe, show, show_error
 from mvmatch.cli.demo import demo
 from mvmatch.cli.settings import UsageError
@@ -42,6 +42,7 @@ def build_app() -> App:
     )
     for position, verb in enumerate(verbs):
         app.command(verb, sort_key=position)
+    app.command(bench.app, sort_key=len(verbs))
     return app
 
 

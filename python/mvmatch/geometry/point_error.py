@@ -151,8 +151,8 @@ def _close_pairs(
     firsts: list[NDArray[np.int64]] = []
     seconds: list[NDArray[np.int64]] = []
     for step in (dy * columns + dx for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
-        start = np.searchsorted(ordered, key + step, side="left")
-        count = np.searchsorted(ordered, key + step, side="right") - start
+        start = _positions(ordered, key + step)
+        count = _positions(ordered, key + step + 1) - start
         first = np.repeat(np.arange(len(points)), count)
         place = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
         second = order[np.repeat(start, count) + place]
@@ -162,6 +162,10 @@ def _close_pairs(
         firsts.append(first[near])
         seconds.append(second[near])
     return np.concatenate(firsts), np.concatenate(seconds)
+
+
+def _positions(ordered: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.asarray(np.searchsorted(ordered, keys), np.int64)
 
 
 def _normalized(xy: ArrayLike, camera: pycolmap.Camera) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """Errors of relative poses, and the area under their recall curve (AUC).
 
-Poses are ``cam_from_world`` as COLMAP writes them: a world point x lies at ``R x + t`` in the camera.
+Poses are ``cam_from_world`` as COLMAP writes them: a world point x lies at ``R x + t`` in the
+camera.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ def relative_pose_error(
     """Compare an estimated relative pose with the true one.
 
     The translation is compared as a direction, because one camera knows no scale, and with its
-    sign: points in front of both cameras decide it. (The evaluation of SuperGlue forgives a reversed
-    sign; forward motion must not.)
+    sign: points in front of both cameras decide it. (The evaluation of SuperGlue forgives a
+    reversed sign; forward motion must not.)
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def pose_auc(errors: ArrayLike, thresholds: Sequence[float] = (5.0, 10.0, 20.0))
 
     References
     ----------
-    Sarlin et al., "SuperGlue", CVPR 2020, section 5.2; the same definition in hloc and glue-factory.
+    Sarlin et al., "SuperGlue", CVPR 2020, section 5.2; hloc and glue-factory define it likewise.
 
     Examples
     --------

@@ -1,0 +1,171 @@
+"""The methods that are compared: frames in, matches out, with what they cost.
+
+All receive the same frames and camera. What is slow and does not change with the code that chains
+tracks (encoded streams, the SIFT database) is made once and kept with its cost.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from mvmatch.baselines import SiftOptions, match_sift, track_dis, track_klt
+from mvmatch.baselines.images import require_opencv
+from mvmatch.bench.digests import code_digest
+from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
+from mvmatch.encode import EncodeOptions, encode_video
+from mvmatch.measure import StageClock
+from mvmatch.pipeline import match_video
+from mvmatch.sources import ReadOptions
+from mvmatch.tracks import TrackOptions
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pycolmap
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clip:
+    """What every method gets."""
+
+    images: Path
+    """Folder of numbered frames."""
+    num_frames: int
+    camera: pycolmap.Camera
+    scratch: Path
+    """Folder for streams and databases of this sequence."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrontEndResult:
+    """Matches and their cost."""
+
+    matches: Matches
+    cost: dict[str, float]
+    """CPU seconds by stage."""
+    details: dict[str, Any]
+    """Settings and sizes worth keeping."""
+
+
+class FrontEnd(Protocol):
+    """A method: frames in, matches out."""
+
+    def __call__(self, clip: Clip) -> FrontEndResult:
+        """Run on one clip."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vectors:
+    """Motion vectors of an AV1 encoder, chained to tracks."""
+
+    encode: EncodeOptions
+    preset: str
+    """Of :class:`~mvmatch.tracks.TrackOptions`."""
+
+    def __call__(self, clip: Clip) -> FrontEndResult:
+        """Encode the frames unless it was done, and chain their vectors."""
+        stream, encoding = self._encoded(clip)
+        clock, options = StageClock(), TrackOptions.preset(self.preset)
+        with clock.stage("match"):
+            match = match_video(stream, options=options, read=ReadOptions(threads=1))
+        return FrontEndResult(
+            matches=TrackMatches(match.tracks),
+            cost={"encode": encoding["cpu_seconds"], "match": clock.stages[0].cpu_s},
+            details={**encoding, "preset": self.preset},
+        )
+
+    def _encoded(self, clip: Clip) -> tuple[Path, dict[str, Any]]:
+        """Return the stream and its facts; its sidecar says that it is complete."""
+        name = f"{self.encode.encoder}-{self.encode.usage}"
+        stream, sidecar = clip.scratch / f"{name}.ivf", clip.scratch / f"{name}.json"
+        if not sidecar.is_file():
+            options = dataclasses.replace(self.encode, check=False)
+            made = encode_video(clip.images, stream, options=options)
+            facts = {
+                "settings": made.settings,
+                "num_bytes": made.num_bytes,
+                "cpu_seconds": made.cpu_seconds,
+            }
+            sidecar.write_text(json.dumps(facts), encoding="utf-8")
+        return stream, json.loads(sidecar.read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """An OpenCV tracker of :mod:`mvmatch.baselines`."""
+
+    name: str
+    """``klt`` or ``dis``."""
+
+    def __call__(self, clip: Clip) -> FrontEndResult:
+        """Track on one thread."""
+        require_opencv().setNumThreads(1)
+        track = {"klt": track_klt, "dis": track_dis}[self.name]
+        clock = StageClock()
+        with clock.stage("match"):
+            tracks = track(sorted(clip.images.iterdir()))
+        cost = {"match": clock.stages[0].cpu_s}
+        return FrontEndResult(matches=TrackMatches(tracks), cost=cost, details={})
+
+
+def sift_sequential(clip: Clip) -> FrontEndResult:
+    """Match SIFT features of frames up to ``MAX_GAP`` apart (pycolmap, one thread).
+
+    Every one of those pairs is matched: more than COLMAP's default, which leaves gaps out. The CPU
+    time includes COLMAP's own verification, which cannot be left out; its matches are taken as they
+    are before it.
+    """
+    import pycolmap
+
+    options = SiftOptions(overlap=MAX_GAP, quadratic_overlap=False)
+    database = clip.scratch / f"sift-{code_digest(('baselines',))[:8]}.db"
+    sidecar = database.with_suffix(".json")
+    if not sidecar.is_file():
+        clock = StageClock()
+        level, pycolmap.logging.minloglevel = pycolmap.logging.minloglevel, 3
+        try:
+            with clock.stage("match"):
+                match_sift(clip.images, database, camera=clip.camera, options=options)
+        finally:
+            pycolmap.logging.minloglevel = level
+        sidecar.write_text(json.dumps({"match": clock.stages[0].cpu_s}), encoding="utf-8")
+    return FrontEndResult(
+        matches=KeypointMatches.from_database(database),
+        cost=json.loads(sidecar.read_text(encoding="utf-8")),
+        details={"max_num_features": options.max_num_features},
+    )
+
+
+_ENCODERS = {
+    "svt": EncodeOptions(encoder="svt"),
+    "libaom-rt": EncodeOptions(encoder="libaom", usage="realtime"),
+    "libaom-good": EncodeOptions(encoder="libaom", usage="good"),
+}
+PRESETS = ("default", "paper")
+
+FRONT_ENDS: dict[str, FrontEnd] = {
+    **{
+        f"{encoder}-{preset}": Vectors(encode=options, preset=preset)
+        for encoder, options in _ENCODERS.items()
+        for preset in PRESETS
+    },
+    "klt": Tracker("klt"),
+    "dis": Tracker("dis"),
+    "sift": sift_sequential,
+}
+"""By name; a further method is one line."""
+
+SOURCES: dict[str, tuple[str, ...]] = {
+    "vectors": ("_core", "correspondences", "encode", "filters", "pipeline", "sources", "tracks"),
+    "baselines": ("baselines",),
+}
+"""Modules whose code a result depends on, beside those that judge it."""
+
+
+def sources_of(name: str) -> tuple[str, ...]:
+    """Return the modules that the result of a front end depends on."""
+    return SOURCES["vectors" if isinstance(FRONT_ENDS[name], Vectors) else "baselines"]

@@ -1,0 +1,91 @@
+"""From matches to a model, judged by the true trajectory."""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mvmatch.geometry.trajectory import relative_trajectory_error, trajectory_error
+from mvmatch.measure import StageClock
+from mvmatch.sfm import MapperOptions, reconstruct
+
+if TYPE_CHECKING:
+    import pycolmap
+    from numpy.typing import NDArray
+
+    from mvmatch.bench.datasets import Sequence
+    from mvmatch.bench.front_ends import Clip
+    from mvmatch.bench.matches import Matches, Sample
+
+MAPPER = MapperOptions(intrinsics="fixed")
+"""The camera is the true one, for every method."""
+
+_ERRORS: tuple[str, ...] = ("ate", "ate_percent", "rpe", "rpe_deg")
+
+
+def map_matches(
+    matches: Matches, sequence: Sequence, clip: Clip, sample: Sample | None
+) -> dict[str, Any]:
+    """Verify, reconstruct and compare with the truth.
+
+    Returns
+    -------
+    dict
+        ``draw``, ``accepted``, ``registered`` images of ``total``, ``points``,
+        ``track_length``, ``reprojection_px``, ``ate_percent`` of the path (infinite without a
+        model), ``ate``, ``rpe`` (units of the truth, over one frame), ``rpe_deg``, and the CPU
+        seconds ``verify_cpu_s`` and ``map_cpu_s``.
+    """
+    clock = StageClock()
+    names = [path.name for path in sorted(clip.images.iterdir())]
+    with tempfile.TemporaryDirectory(dir=clip.scratch) as folder:
+        database = Path(folder) / "database.db"
+        with clock.stage("verify"):
+            matches.write(database, clip.camera, names, sample=sample)
+        with clock.stage("map"):
+            model = reconstruct(database, Path(folder) / "sparse", options=MAPPER)
+    row: dict[str, Any] = {
+        "draw": -1 if sample is None else sample.seed,
+        "accepted": model.accepted,
+        "reasons": list(model.reasons),
+        "registered": model.registered,
+        "total": len(sequence),
+        "points": model.num_points,
+        "track_length": model.mean_track_length,
+        "reprojection_px": model.mean_reprojection_error,
+        "verify_cpu_s": clock.stages[0].cpu_s,
+        "map_cpu_s": clock.stages[1].cpu_s,
+    }
+    return row | _errors(model.reconstruction if model.accepted else None, sequence)
+
+
+def _errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[str, float]:
+    failed: dict[str, float] = dict.fromkeys(_ERRORS, math.inf)
+    if model is None or model.num_reg_images() < 3:
+        return failed
+    frames, poses = _poses(model)
+    R = sequence.cam_from_world[frames, :, :3].transpose(0, 2, 1)
+    truth = np.concatenate([R, sequence.centers[frames][:, :, None]], axis=2)
+    ate = trajectory_error(poses[:, :, 3], truth[:, :, 3])
+    rpe = relative_trajectory_error(poses, truth)
+    return {
+        "ate": ate.rmse,
+        "ate_percent": ate.percent_of_path,
+        "rpe": rpe.translation_rmse,
+        "rpe_deg": rpe.rotation_rmse,
+    }
+
+
+def _poses(model: pycolmap.Reconstruction) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Frame numbers (N,) and camera-to-world poses (N, 3, 4) of the registered images, in order."""
+    images = sorted((model.image(image_id).name, image_id) for image_id in model.reg_image_ids())
+    frames = np.array([int(Path(name).stem) for name, _ in images], np.int64)
+    poses = [model.image(image_id).cam_from_world().inverse().matrix() for _, image_id in images]
+    return frames, np.array(poses, np.float64)

@@ -1,0 +1,78 @@
+"""The verbs that measure."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from cyclopts import App
+
+from mvmatch.cli.console import Outcome
+from mvmatch.cli.settings import Json, Output
+
+app = App(name="bench", help="Measure methods against the truth (docs/accuracy.md).")
+
+
+@app.command
+def accuracy(
+    *,
+    data: list[Path],
+    out: Output = Path("out/accuracy"),
+    sequences: str = "",
+    methods: str = "",
+    frames: int = 30,
+    draws: int = 5,
+    map: bool = False,  # noqa: A002
+    json: Json = False,
+) -> Outcome:
+    """Compare point matches and poses of several methods with the truth.
+
+    What is computed already is kept: a run that was interrupted goes on where it was.
+
+    Parameters
+    ----------
+    data
+        Folders that are sequences or hold some; can be repeated.
+    out
+        Folder for tables, results and streams.
+    sequences
+        Names, separated by commas; NAME+COMPOSITION for a composed one (repeats, cut, overlay, pan,
+        1080p). Without it all of them as they are.
+    methods
+        Names, separated by commas, such as svt-default, svt-paper, libaom-rt-default,
+        libaom-good-default, klt, dis, sift.
+    frames
+        First frames of each sequence; 0 for all.
+    draws
+        Resamplings for the error bars.
+    map
+        Also reconstruct and measure trajectories: slow.
+    """
+    from mvmatch.bench.accuracy import AccuracyOptions
+    from mvmatch.bench.report import TABLES, write_tables
+    from mvmatch.bench.run import Cell, RunOptions, run_cells
+
+    def tell(cell: Cell, state: str) -> None:
+        print(f"{cell.sequence} {cell.method}: {state}", file=sys.stderr, flush=True)
+
+    options = RunOptions(
+        data=tuple(data),
+        out=out,
+        sequences=_words(sequences),
+        methods=_words(methods) or RunOptions.methods,
+        max_frames=frames or None,
+        map=map,
+        accuracy=AccuracyOptions(draws=draws),
+    )
+    results = run_cells(options, tell=tell)
+    made = write_tables(results, options)
+    failed = [f"{each['sequence']} {each['method']}" for each in results if each["error"]]
+    return Outcome(
+        made=made,
+        figures={"results": str(len(results)), "failed": ", ".join(failed) or "none"},
+        table=(out / TABLES).read_text(encoding="utf-8"),
+    )
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
