@@ -1,6 +1,6 @@
 # The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench fuzz fuzz-long fmt clean
+.PHONY: help setup demo test lint bench bench-accuracy fuzz fuzz-long fmt clean
 SHELL := /bin/bash
 
 # The first interpreter that runs, is new enough and can make virtual environments.
@@ -16,6 +16,7 @@ help:
 	@echo "make test    all tests: Rust, Python"
 	@echo "make lint    rustfmt, clippy, ruff, pyright, import-linter, stubtest"
 	@echo "make bench   speed of the parser and of the front ends"
+	@echo "make bench-accuracy   points and poses of all methods against the truth (ACCURACY=options)"
 	@echo "make fuzz    every fuzz target for FUZZ_SECONDS (60); make fuzz-long reads damaged files"
 	@echo "make fmt     format all sources"
 	@echo "make setup   only the environment in $(VENV)"
@@ -77,6 +78,13 @@ bench: setup
 	else echo "libaom's inspect is not installed: reading vectors is not compared with it"; fi
 	$(BIN)/python tools/compare_threads.py $(BENCH_STREAM)
 	$(BIN)/python tools/compare_front_ends.py $(BENCH_FRAMES) --stream $(BENCH_STREAM) $(BENCH_CAMERA)
+
+# Sequences with truth: SHARED/truth, or TRUTH=folder. All options: mvmatch bench accuracy --help.
+TRUTH ?= $(SHARED)/truth
+ACCURACY ?=
+
+bench-accuracy: setup
+	$(BIN)/mvmatch bench accuracy --data $(TRUTH) -o out/accuracy $(ACCURACY)
 
 # Coverage-guided fuzzing on the stable toolchain: libFuzzer without a sanitizer (all code is safe
 # Rust), with overflow checks and debug assertions. Needs a C++ compiler.

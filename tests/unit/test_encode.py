@@ -161,10 +161,12 @@ def test_without_an_ffmpeg_executable_the_error_lists_what_works_and_the_pip_lin
         encode_video(folder, tmp_path / "clip.ivf", options=options)
 
 
-def test_libaom_writes_one_key_frame(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("usage", ["realtime", "good"])
+def test_libaom_writes_one_key_frame(folder: Path, tmp_path: Path, usage) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    options = EncodeOptions(encoder="libaom", check=False)
+    options = EncodeOptions(encoder="libaom", usage=usage, check=False)
     result = encode_video(folder, tmp_path / "clip.ivf", options=options)
+    assert f"-usage {usage}" in result.settings
     assert [key for _, key in packets_of(result.path)] == [True] + [False] * 11
 
 
