@@ -7,7 +7,7 @@ import pytest
 from mvmatch.bench import run
 from mvmatch.bench.accuracy import AccuracyOptions
 from mvmatch.bench.front_ends import FRONT_ENDS
-from mvmatch.bench.report import tables, write_tables
+from mvmatch.bench.report import caption, tables, write_tables
 from mvmatch.bench.summary import average, by_draw, summarise
 from mvmatch.errors import DataError
 from mvmatch.testing import synthetic_drive
@@ -80,7 +80,7 @@ def test_other_settings_other_data_and_other_code_make_another_cell(
     (data / "note.txt").unlink()
     assert run.cells_of(options)[0].key == key
 
-    monkeypatch.setattr(run, "code_digest", lambda modules: "another")
+    monkeypatch.setattr(run, "code_digest", lambda _: "another")
     assert run.cells_of(options)[0].key != key
 
 
@@ -161,7 +161,8 @@ def test_pairs_give_the_mean_of_their_shares_and_the_median_of_their_medians():
     assert reduced["within_1px"].tolist() == [0.75]
     assert reduced["median_px"].tolist() == [0.2]
     assert np.isnan(reduced["along_px"]).all()
-    assert reduced["auc_1"].tolist() == [0.5 + 0.5 / 2]
+    # Three errors of 0.5: up to a third at 0.5 degrees, then all of it, level up to 1.
+    assert reduced["auc_1"].tolist() == pytest.approx([0.5 * (1 / 3) / 2 + 0.5])
 
 
 def test_an_average_leaves_out_sequences_that_a_method_failed_on_and_composed_ones():
@@ -181,3 +182,15 @@ def test_an_average_leaves_out_sequences_that_a_method_failed_on_and_composed_on
     assert found["a"].measures["within_1px"].value == pytest.approx(0.3)
     assert found["b"].measures["within_1px"].value == pytest.approx(0.6)
     assert average(results, "tuning") == []
+    assert "not every method has a result: fox." in caption(results, "reporting")
+
+
+def test_the_verb_prints_the_tables_and_says_what_failed(data, tmp_path, capsys):
+    from mvmatch.cli import main
+
+    words = ["bench", "accuracy", "--data", str(data), "-o", str(tmp_path), "--methods", "klt"]
+    assert main([*words, "--frames", "3", "--draws", "0"]) == 0
+    assert "| 1 | klt |" in capsys.readouterr().out
+    assert (tmp_path / "accuracy.parquet").is_file()
+    assert main([*words[:-1], "magic"]) == 1
+    assert "no method magic" in capsys.readouterr().err

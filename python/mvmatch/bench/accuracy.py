@@ -71,9 +71,9 @@ class AccuracyOptions:
     """Share of the longest baseline of all pairs; a shorter one has no direction."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
     max_sample: int | None = 5000
-    """Correspondences that the two-view estimation sees; all are tested. More than methods that
-    thin their points have. Measured on 13,000 per pair: AUC@5 at gap 1 is 93.2 with 200, 96.4 with
-    1000, 96.7 with 4000, 98.1 with all, at three times the time."""
+    """Correspondences that the two-view estimation sees; all are tested. Samples cost accuracy:
+    preset ``paper`` on street_drive at gap 1 (one run) has an AUC@5 of 93.2 with 200, 96.4 with
+    1000, 96.7 with 4000 and 98.1 with all, which takes three times as long as 4000."""
 
 
 def judge(matches: Matches, sequence: Sequence, options: AccuracyOptions) -> list[Row]:

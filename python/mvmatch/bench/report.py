@@ -113,10 +113,11 @@ def caption(results: Many[dict[str, Any]], half: Half) -> str:
     other: Half = "tuning" if half == "reporting" else "reporting"
     names = {side: comparable(results, side) for side in (half, other)}
     text = "; ".join(f"{side}: {', '.join(names[side]) or 'none'}" for side in (half, other))
-    missing = {result["sequence"] for result in results if result["error"] is not None}
-    left_out = (
-        f" Left out, because a method failed: {', '.join(sorted(missing))}." if missing else ""
-    )
+    plain_names = {result["sequence"] for result in results if "+" not in result["sequence"]}
+    missing = sorted(plain_names.difference(*names.values()))
+    left_out = ""
+    if missing:
+        left_out = f" Left out of averages, as not every method has a result: {', '.join(missing)}."
     return f"Sequences, {text}.{left_out}"
 
 

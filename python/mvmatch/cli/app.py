@@ -42,7 +42,7 @@ def build_app() -> App:
     )
     for position, verb in enumerate(verbs):
         app.command(verb, sort_key=position)
-    app.command(bench.app, sort_key=len(verbs))
+    app.command(bench.app)
     return app
 
 

@@ -10,7 +10,7 @@ from cyclopts import App
 from mvmatch.cli.console import Outcome
 from mvmatch.cli.settings import Json, Output
 
-app = App(name="bench", help="Measure methods against the truth (docs/accuracy.md).")
+app = App(name="bench", sort_key=100, help="Measure methods against the truth (docs/accuracy.md).")
 
 
 @app.command
