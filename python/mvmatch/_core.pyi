@@ -3,6 +3,7 @@
 Errors raised here are the classes of :mod:`mvmatch.errors`.
 """
 
+from collections.abc import Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -18,6 +19,7 @@ __all__ = [
     "TrackLinker",
     "default_limits",
     "fit_neighbors",
+    "vector_errors",
 ]
 
 def default_limits() -> dict[str, int | None]:
@@ -130,9 +132,11 @@ class TrackLinker:
         cls,
         *,
         keep_zero: bool,
-        max_residual: float | None,
+        error_weights: Sequence[float] | None,
+        max_error: float | None,
+        max_drift: float | None,
         num_neighbors: int,
-        carry: Literal["translate", "extrapolate", "predict", "fuse"],
+        carry: Literal["translate", "fuse"],
         follow: Literal["nearest", "all"],
         epsilon: float | None,
         tau: float,
@@ -148,3 +152,8 @@ def fit_neighbors(
     columns: MotionField, *, num_neighbors: int = 12
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Residual (N,) px, spread (N,) px, vector (N, 2) px, linear (N, 4) px per px of local fits."""
+
+def vector_errors(
+    columns: MotionField, *, weights: Sequence[float], num_neighbors: int = 12
+) -> NDArray[np.float32]:
+    """Median error (N,) px of every vector fused with its neighbours."""

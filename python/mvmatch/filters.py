@@ -1,4 +1,4 @@
-"""Filters: pure functions that remove rows or tracks and change nothing else.
+"""Filters: pure functions on motion fields and tracks.
 
 Each takes a motion field or tracks and returns the same type. :func:`mvmatch.tracks.build_tracks`
 applies the same rules while it chains; these are for use on their own.
@@ -6,10 +6,12 @@ applies the same rules while it chains; these are for use on their own.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.confidence import expected_error
 from mvmatch.types import MotionField, Tracks
 
 if TYPE_CHECKING:
@@ -21,11 +23,11 @@ def drop_zero(field: MotionField) -> MotionField:
     return field.select(np.any(field.mv != 0, axis=1))
 
 
-def neighbor_residual(field: MotionField, *, num_neighbors: int = 12) -> NDArray[np.float32]:
-    """Disagreement of every vector with the blocks around it.
+def fuse_neighbors(field: MotionField, *, num_neighbors: int = 12) -> MotionField:
+    """Replace every vector by the mean of itself and what the blocks around it say at its centre.
 
     A local affine motion is fitted robustly to the nearest blocks with the same reference, the
-    block itself left out.
+    block itself left out. Vectors with fewer than 4 neighbours stay.
 
     Parameters
     ----------
@@ -36,19 +38,23 @@ def neighbor_residual(field: MotionField, *, num_neighbors: int = 12) -> NDArray
 
     Returns
     -------
-    ndarray
-        (N,) float32, px; infinite where fewer than 4 neighbours exist.
+    MotionField
+        With other vectors, no longer multiples of 1/8 px.
     """
     from mvmatch._core import fit_neighbors
 
-    return fit_neighbors(field, num_neighbors=num_neighbors)[0]
+    predicted = fit_neighbors(field, num_neighbors=num_neighbors)[2]
+    return replace(field, mv=((field.mv + predicted) / 2).astype(np.float32))
 
 
-def neighbor_consistency(
-    field: MotionField, *, max_residual: float = 1.5, num_neighbors: int = 12
+def drop_uncertain(
+    field: MotionField, *, max_error: float = 0.3, num_neighbors: int = 12
 ) -> MotionField:
-    """Remove vectors that disagree with their neighbours by more than ``max_residual`` px."""
-    return field.select(neighbor_residual(field, num_neighbors=num_neighbors) <= max_residual)
+    """Remove vectors whose expected error, fused with their neighbours, is above ``max_error`` px.
+
+    See :func:`mvmatch.confidence.expected_error`.
+    """
+    return field.select(expected_error(field, num_neighbors=num_neighbors) <= max_error)
 
 
 def min_length(tracks: Tracks, length: int) -> Tracks:

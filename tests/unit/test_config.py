@@ -56,5 +56,5 @@ def test_a_broken_file_is_named(tmp_path: Path) -> None:
 
 
 def test_values_outside_a_list_of_choices_are_refused() -> None:
-    with pytest.raises(DataError, match="'translate' or 'extrapolate' or 'predict'"):
+    with pytest.raises(DataError, match="'translate' or 'fuse'"):
         from_mapping({"track": {"carry": "teleport"}}, RunOptions())

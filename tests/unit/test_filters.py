@@ -6,10 +6,10 @@ import numpy as np
 
 from mvmatch.filters import (
     cosine_consistency,
+    drop_uncertain,
     drop_zero,
+    fuse_neighbors,
     min_length,
-    neighbor_consistency,
-    neighbor_residual,
     thin,
 )
 from mvmatch.testing.fields import field_from_rows
@@ -45,10 +45,21 @@ def test_dropping_zeros_keeps_the_columns_together():
     assert (kept.block.tolist(), kept.warp.shape) == ([[8, 0, 8, 8]], (1, 6))
 
 
-def test_a_vector_without_enough_neighbours_is_not_confirmed():
-    lonely = field_from_rows(1, [([0, 0, 8, 8], (1.0, 0.0), 0), ([8, 0, 8, 8], (1.0, 0.0), 0)])
-    assert np.all(np.isinf(neighbor_residual(lonely)))
-    assert len(neighbor_consistency(lonely)) == 0
+def test_a_vector_without_enough_neighbours_is_left_alone_and_not_trusted():
+    lonely = field_from_rows(1, [([0, 0, 8, 8], (1.0, 0.0), 0), ([8, 0, 8, 8], (2.0, 0.0), 0)])
+    np.testing.assert_array_equal(fuse_neighbors(lonely).mv, lonely.mv)
+    assert len(drop_uncertain(lonely)) == 0
+
+
+def test_a_wrong_vector_is_drawn_to_its_neighbours_and_dropped():
+    blocks = [[8 * column, 8 * line, 8, 8] for line in range(4) for column in range(8)]
+    rows = [(block, (2.0, 1.0), 0) for block in blocks]
+    rows[12] = (blocks[12], (6.0, 1.0), 0)
+    field = field_from_rows(1, rows)
+    np.testing.assert_allclose(fuse_neighbors(field).mv[12], [4.0, 1.0], atol=0.01)
+    kept = drop_uncertain(field)
+    assert len(kept) >= 24
+    assert blocks[12] not in kept.block.tolist()
 
 
 def test_short_tracks_are_removed_by_number_of_observations():

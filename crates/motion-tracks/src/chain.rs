@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::cover::Cover;
 use crate::field::center;
 use crate::link::{Layer, LinkOptions};
-use crate::motion::Follow;
+use crate::motion::{Follow, Parallax, length};
 use crate::tracks::{Observation, Tracks};
 
 /// A point that has reached a frame.
@@ -15,6 +15,10 @@ struct Head {
     xy: [f32; 2],
     /// Step that led here, as motion towards the past; none for a seed.
     step: Option<[f32; 2]>,
+    /// Accumulated squared error, px².
+    variance: f32,
+    /// What sets the point apart from its surroundings.
+    parallax: Parallax,
     /// Whether the observation is already part of the track.
     settled: bool,
 }
@@ -81,12 +85,13 @@ impl Chain {
     /// Turns arrivals into observations: in every free cell the longest track, then the older one.
     fn settle(&mut self, frame: i32, mut arrivals: Vec<Head>, cells: &mut Cells) -> Vec<Head> {
         arrivals.retain(|head| head.settled || self.is_new(head.track, frame));
+        let mut arrivals = meet(arrivals);
         let length = |head: &Head| self.growth[head.track as usize].length;
         arrivals.sort_by_key(|head| (!head.settled, std::cmp::Reverse(length(head)), head.track));
         // Sorted this way the first to ask for a cell has the best claim.
         arrivals.retain_mut(|head| {
             if !head.settled && self.is_new(head.track, frame) && cells.claim(head.xy) {
-                self.observe(head.track, frame, head.xy);
+                self.observe(head.track, frame, head.xy, head.variance);
                 head.settled = true;
             }
             head.settled
@@ -110,20 +115,27 @@ impl Chain {
                 last_frame: i32::MIN,
                 last: NONE,
             });
-            self.observe(track, frame, xy);
+            self.observe(track, frame, xy, 0.0);
             heads.push(Head {
                 track,
                 xy,
                 step: None,
+                variance: 0.0,
+                parallax: Parallax::default(),
                 settled: true,
             });
         }
         heads
     }
 
-    pub(crate) fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2]) {
+    pub(crate) fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2], variance: f32) {
         let growth = &mut self.growth[track as usize];
-        self.observations.push(Observation { track, frame, xy });
+        self.observations.push(Observation {
+            track,
+            frame,
+            xy,
+            variance,
+        });
         self.previous.push(growth.last);
         growth.last =
             u32::try_from(self.observations.len() - 1).expect("fewer than 2^32 observations");
@@ -179,9 +191,10 @@ impl Chain {
 
     fn step(&mut self, layer: &Layer, row: usize, head: &Head) {
         let middle = center(layer.block(row));
-        let moved = layer
-            .motion(row)
-            .at([head.xy[0] - middle[0], head.xy[1] - middle[1]]);
+        let frames = layer.frame - layer.references[row];
+        let parallax = head.parallax.after(layer.parallax(row), frames);
+        let offset = [head.xy[0] - middle[0], head.xy[1] - middle[1]];
+        let moved = parallax.applied(layer.motion(row).at(offset), layer.parallax(row), frames);
         let xy = [head.xy[0] + moved[0], head.xy[1] + moved[1]];
         if !inside(xy, layer.width, layer.height) {
             return;
@@ -193,15 +206,25 @@ impl Chain {
             (Some(cosine), Some(previous)) => cosine.accepts(previous, step),
             _ => true,
         };
-        if agrees {
+        let variance = head.variance + layer.variance(row);
+        if agrees && self.holds(variance) {
             let arrival = Head {
                 track: head.track,
                 xy,
                 step: Some(step),
+                variance,
+                parallax,
                 settled: false,
             };
             self.pending.entry(reference).or_default().push(arrival);
         }
+    }
+
+    /// Whether a track may go on with this accumulated squared error.
+    pub(crate) fn holds(&self, variance: f32) -> bool {
+        self.options
+            .max_drift
+            .is_none_or(|limit| variance <= limit * limit)
     }
 
     /// Settles the points that wait for frames that never came, newest frame first.
@@ -225,6 +248,43 @@ impl Chain {
 )]
 fn inside([x, y]: [f32; 2], width: u32, height: u32) -> bool {
     x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32
+}
+
+/// One arrival per track: those that agree are averaged by their accuracy, of others the most
+/// accurate stays. A direct vector from far away so pulls back what short ones have drifted.
+fn meet(mut arrivals: Vec<Head>) -> Vec<Head> {
+    arrivals.sort_by(|a, b| {
+        (a.track, !a.settled)
+            .cmp(&(b.track, !b.settled))
+            .then(a.variance.total_cmp(&b.variance))
+    });
+    arrivals
+        .chunk_by(|a, b| a.track == b.track)
+        .map(average)
+        .collect()
+}
+
+/// Smallest variance of an arrival, px²: vectors are quantised.
+const MIN_VARIANCE: f32 = 0.01;
+
+/// Average of arrivals of one track, the most accurate first.
+fn average(arrivals: &[Head]) -> Head {
+    let mut best = arrivals[0];
+    // Without an error model nothing is known of the accuracy: the first to arrive stays.
+    if best.settled || best.variance <= 0.0 {
+        return best;
+    }
+    let (mut total, mut sum) = (0.0, [0.0; 2]);
+    for head in arrivals {
+        let distance = length([head.xy[0] - best.xy[0], head.xy[1] - best.xy[1]]);
+        let variance = head.variance.max(MIN_VARIANCE);
+        if distance * distance <= 9.0 * (variance + best.variance.max(MIN_VARIANCE)) {
+            total += 1.0 / variance;
+            sum = [0, 1].map(|axis| sum[axis] + (head.xy[axis] - best.xy[axis]) / variance);
+        }
+    }
+    best.xy = [0, 1].map(|axis| best.xy[axis] + sum[axis] / total);
+    best
 }
 
 /// Square cells of one frame that hold at most one track each; without a side nothing is limited.

@@ -16,6 +16,7 @@ use crate::link::Layer;
 struct Point {
     track: u32,
     xy: [f32; 2],
+    variance: f32,
 }
 
 /// State of the second walk.
@@ -33,6 +34,7 @@ impl Extension {
                 let point = Point {
                     track: observation.track,
                     xy: observation.xy,
+                    variance: observation.variance,
                 };
                 points.entry(observation.frame).or_default().push(point);
             }
@@ -68,13 +70,18 @@ impl Extension {
         points.sort_by_key(|point| (std::cmp::Reverse(length(point)), point.track));
         let landing = Landing::new(layer, reference);
         for point in points {
-            let Some(xy) = landing.origin_of(layer, point.xy) else {
+            let Some((xy, row)) = landing.origin_of(layer, point.xy) else {
                 continue;
             };
             let agrees = self.goes_straight(&point, reference, xy, layer.frame);
-            if agrees && cells.contains(xy) && cells.claim(xy) {
-                self.chain.observe(point.track, layer.frame, xy);
-                let point = Point { xy, ..point };
+            let variance = point.variance + layer.variance(row);
+            if agrees && self.chain.holds(variance) && cells.contains(xy) && cells.claim(xy) {
+                self.chain.observe(point.track, layer.frame, xy, variance);
+                let point = Point {
+                    xy,
+                    variance,
+                    ..point
+                };
                 self.points.entry(layer.frame).or_default().push(point);
             }
         }
@@ -176,14 +183,14 @@ impl Landing {
         clippy::cast_possible_truncation,
         reason = "observations lie inside the picture"
     )]
-    fn origin_of(&self, layer: &Layer, xy: [f32; 2]) -> Option<[f32; 2]> {
+    fn origin_of(&self, layer: &Layer, xy: [f32; 2]) -> Option<([f32; 2], usize)> {
         let [column, line] = xy.map(|value| (value as i32).div_euclid(BIN));
         if !(0..self.columns).contains(&column) || !(0..self.lines).contains(&line) {
             return None;
         }
         let bin = (line * self.columns + column).unsigned_abs() as usize;
         let rows = &self.rows[self.starts[bin] as usize..self.starts[bin + 1] as usize];
-        let mut best: Option<(f32, [f32; 2])> = None;
+        let mut best: Option<(f32, [f32; 2], usize)> = None;
         for &row in rows {
             let block = layer.block(row as usize);
             let middle = center(block);
@@ -193,11 +200,15 @@ impl Landing {
             };
             let reach = half_sizes(block);
             let eccentricity = (offset[0].abs() / reach[0]).max(offset[1].abs() / reach[1]);
-            if eccentricity < 1.0 && best.is_none_or(|(found, _)| eccentricity < found) {
-                best = Some((eccentricity, [middle[0] + offset[0], middle[1] + offset[1]]));
+            if eccentricity < 1.0 && best.is_none_or(|(found, ..)| eccentricity < found) {
+                best = Some((
+                    eccentricity,
+                    [middle[0] + offset[0], middle[1] + offset[1]],
+                    row as usize,
+                ));
             }
         }
-        best.map(|(_, origin)| origin)
+        best.map(|(_, origin, row)| (origin, row))
     }
 }
 

@@ -20,9 +20,8 @@ pub struct Field<'a> {
     pub vectors: &'a [[f32; 2]],
     /// Display index of the reference.
     pub references: &'a [i32],
-    /// `[a, b, c, d, e, f]` of `xy_ref = [a x + b y + c, d x + e y + f]`; NaN rows where a block has
-    /// no model, an empty slice when no block of the frame has one.
-    pub warps: &'a [[f64; 6]],
+    /// Sum of the absolute coefficient levels of each row's block; an empty slice when not known.
+    pub energies: &'a [f32],
 }
 
 /// Why a field cannot be used; always the caller's fault.
@@ -49,7 +48,7 @@ impl fmt::Display for FieldError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lengths => {
-                f.write_str("block, mv, ref_frame and warp need one row each per vector")
+                f.write_str("block, mv, ref_frame and residual need one row each per vector")
             }
             Self::Block { row } => {
                 write!(f, "block of row {row} is empty or lies outside 0..65536 px")
@@ -68,16 +67,25 @@ impl std::error::Error for FieldError {}
 const MAX_COORDINATE: i32 = 1 << 16;
 
 impl Field<'_> {
+    /// Coefficient levels per 16 px of a row's block; 0 when not known.
+    #[expect(clippy::cast_precision_loss, reason = "block areas are small")]
+    pub(crate) fn energy(&self, row: usize) -> f32 {
+        let [_, _, w, h] = self.blocks[row];
+        self.energies.get(row).map_or(0.0, |energy| {
+            16.0 * energy / (i64::from(w) * i64::from(h)) as f32
+        })
+    }
+
     /// Checks what the rest of the crate relies on.
     ///
     /// # Errors
     /// [`FieldError`] names the first rule that does not hold.
     pub fn validate(&self) -> Result<(), FieldError> {
         let rows = self.blocks.len();
-        let warps = self.warps.len();
+        let energies = self.energies.len();
         if self.vectors.len() != rows
             || self.references.len() != rows
-            || (warps != 0 && warps != rows)
+            || (energies != 0 && energies != rows)
         {
             return Err(FieldError::Lengths);
         }
@@ -122,7 +130,7 @@ mod tests {
             blocks,
             vectors,
             references: &[0],
-            warps: &[],
+            energies: &[],
         }
     }
 

@@ -226,7 +226,7 @@ mod tests {
             blocks,
             vectors,
             references,
-            warps: &[],
+            energies: &[],
         };
         fit_neighbors(&field, &FitOptions::default())
     }

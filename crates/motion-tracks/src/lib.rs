@@ -2,7 +2,8 @@
 //!
 //! The crate knows blocks, vectors and frame numbers; no codec, no container, no I/O. A [`Field`]
 //! holds the vectors of one coded frame, a [`Linker`] takes fields in decode order and chains them
-//! into [`Tracks`], and [`fit_neighbors`] tells how well each vector agrees with those around it.
+//! into [`Tracks`], [`fit_neighbors`] tells what the
+//! vectors around each one say, and [`vector_errors`] how far off it may be.
 //!
 //! Coordinates are pixels, `[x, y]`, origin at the upper-left picture corner, so the first pixel's
 //! centre is (0.5, 0.5). A vector leads from the current frame into its reference:
@@ -14,6 +15,7 @@
 )]
 
 mod chain;
+mod confidence;
 mod cover;
 mod extend;
 mod field;
@@ -23,6 +25,7 @@ mod motion;
 mod neighbors;
 mod tracks;
 
+pub use confidence::{ErrorModel, vector_errors};
 pub use field::{Field, FieldError};
 pub use filter::{FitOptions, LocalFit, fit_neighbors};
 pub use link::{LinkOptions, Linker};

@@ -3,7 +3,10 @@
 //! A reference always decodes before the frame that uses it. Going backwards, every point that can
 //! reach a frame has therefore arrived when the frame's turn comes, whatever the prediction structure.
 
+use std::collections::BTreeMap;
+
 use crate::chain::Chain;
+use crate::confidence::ErrorModel;
 use crate::cover::Cover;
 use crate::extend::Extension;
 use crate::field::{Field, FieldError, center};
@@ -16,9 +19,14 @@ use crate::tracks::Tracks;
 pub struct LinkOptions {
     /// Whether vectors of length zero count; without them such blocks are as if intra coded.
     pub keep_zero: bool,
-    /// Vectors that disagree with their neighbours by more than this, in px, are not used.
-    pub max_residual: Option<f32>,
-    /// How neighbours are fitted, for `max_residual` and `carry`.
+    /// How far off vectors are expected to be; without it they are all as good.
+    pub error_model: Option<ErrorModel>,
+    /// Vectors with a larger median error than this, px, are not used.
+    pub max_error: Option<f32>,
+    /// Tracks end where their accumulated error exceeds this, px: the errors of single steps are
+    /// taken as independent.
+    pub max_drift: Option<f32>,
+    /// How neighbours are fitted, for `error_model` and `carry`.
     pub fit: FitOptions,
     /// What moves points off the block centre.
     pub carry: Carry,
@@ -46,8 +54,10 @@ pub(crate) struct Layer {
     pub(crate) references: Vec<i32>,
     /// Slopes of the motion; empty when points are translated.
     slopes: Vec<[f32; 4]>,
-    /// Disagreement with the neighbours, px; empty when nothing was fitted.
-    residuals: Vec<f32>,
+    /// Vectors less what the neighbours predict, px; empty when points are translated.
+    parallaxes: Vec<[f32; 2]>,
+    /// Median errors, px; empty without a model.
+    errors: Vec<f32>,
 }
 
 impl Layer {
@@ -59,6 +69,16 @@ impl Layer {
     /// Block of a row, px.
     pub(crate) fn block(&self, row: usize) -> [i32; 4] {
         self.packed_blocks[row].map(i32::from)
+    }
+
+    /// Squared error that following a row adds, px².
+    pub(crate) fn variance(&self, row: usize) -> f32 {
+        self.errors.get(row).map_or(0.0, |error| error * error)
+    }
+
+    /// How the vector of a row differs from what its neighbours predict, px.
+    pub(crate) fn parallax(&self, row: usize) -> [f32; 2] {
+        self.parallaxes.get(row).copied().unwrap_or_default()
     }
 
     pub(crate) fn motion(&self, row: usize) -> Motion {
@@ -95,7 +115,7 @@ impl Linker {
     pub fn push(&mut self, field: &Field<'_>) -> Result<(), FieldError> {
         field.validate()?;
         let needs_fit =
-            self.options.max_residual.is_some() || self.options.carry != Carry::Translate;
+            self.options.error_model.is_some() || self.options.carry != Carry::Translate;
         let fits = if needs_fit {
             fit_neighbors(field, &self.options.fit)
         } else {
@@ -115,26 +135,35 @@ impl Linker {
             vectors: Vec::new(),
             references: Vec::new(),
             slopes: Vec::new(),
-            residuals: Vec::new(),
+            parallaxes: Vec::new(),
+            errors: Vec::new(),
         };
         for (row, &vector) in field.vectors.iter().enumerate() {
             let fit = fits.get(row);
+            let error = match (&options.error_model, fit) {
+                (Some(model), Some(fit)) => Some(model.median_error(fit, field.energy(row))),
+                _ => None,
+            };
             let agrees = options
-                .max_residual
-                .is_none_or(|limit| fit.is_some_and(|fit| fit.residual <= limit));
+                .max_error
+                .is_none_or(|limit| error.is_none_or(|error| error <= limit));
             let counts = options.keep_zero || vector != [0.0, 0.0];
             if !agrees || !counts || field.references[row] == field.frame {
                 continue;
             }
-            let motion = Motion::new(options.carry, vector, fit, field.warps.get(row));
+            let motion = Motion::new(options.carry, vector, fit);
             let packed = field.blocks[row].map(|side| u16::try_from(side).expect("validated"));
             layer.packed_blocks.push(packed);
             layer.vectors.push(motion.vector);
             layer.references.push(field.references[row]);
             if options.carry != Carry::Translate {
                 layer.slopes.push(motion.linear);
+                let surrounding = fit.map_or(vector, |fit| fit.vector);
+                layer
+                    .parallaxes
+                    .push([vector[0] - surrounding[0], vector[1] - surrounding[1]]);
             }
-            layer.residuals.extend(fit.map(|fit| fit.residual));
+            layer.errors.extend(error);
         }
         layer
     }
@@ -143,11 +172,16 @@ impl Linker {
     #[must_use]
     pub fn finish(self) -> Tracks {
         let mut chain = Chain::new(self.options);
-        for (index, layer) in self.layers.iter().enumerate().rev() {
+        let mut codings: BTreeMap<i32, u32> = BTreeMap::new();
+        for layer in &self.layers {
+            *codings.entry(layer.frame).or_default() += 1;
+        }
+        for layer in self.layers.iter().rev() {
             // A hidden frame and the overlay that is shown for it carry one display index.
-            let again = self.layers[..index]
-                .iter()
-                .any(|earlier| earlier.frame == layer.frame);
+            let again = codings.get_mut(&layer.frame).is_some_and(|left| {
+                *left -= 1;
+                *left > 0
+            });
             let blocks: Vec<[i32; 4]> = (0..layer.len()).map(|row| layer.block(row)).collect();
             let cover = Cover::new(layer.width, layer.height, &blocks);
             chain.visit(layer, &cover, &seeds(layer, &cover), again);
@@ -167,13 +201,13 @@ impl Linker {
     }
 }
 
-/// Block centres inside the picture that may start a track, the best confirmed first.
+/// Block centres inside the picture that may start a track, the most accurate first.
 fn seeds(layer: &Layer, cover: &Cover) -> Vec<[f32; 2]> {
     let mut rows: Vec<usize> = (0..layer.len())
         .filter(|&row| cover.is_first(&layer.block(row), row))
         .collect();
-    if !layer.residuals.is_empty() {
-        rows.sort_by(|&a, &b| layer.residuals[a].total_cmp(&layer.residuals[b]));
+    if !layer.errors.is_empty() {
+        rows.sort_by(|&a, &b| layer.errors[a].total_cmp(&layer.errors[b]));
     }
     rows.iter().map(|&row| center(layer.block(row))).collect()
 }

@@ -8,11 +8,6 @@ pub enum Carry {
     /// The block's vector, unchanged over the whole block.
     #[default]
     Translate,
-    /// The block's vector at its centre, extrapolated with the linear part of the block's own warp
-    /// or else of its neighbours' motion.
-    Extrapolate,
-    /// The motion that the neighbours predict; the block's vector only decides that it is trusted.
-    Predict,
     /// The mean of the block's vector and its neighbours' prediction, extrapolated with the slope of
     /// the neighbours' motion. Weights from the scatter of the neighbours did no better: noisy
     /// vectors and depth edges scatter alike.
@@ -55,6 +50,47 @@ pub(crate) fn length([x, y]: [f32; 2]) -> f32 {
     x.hypot(y)
 }
 
+/// How a track moves against its surroundings, px per frame towards the past.
+///
+/// One vector cannot tell a depth edge from noise: both differ from what the neighbours predict. What
+/// lasts over frames is real.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Parallax {
+    sum: [f32; 2],
+    weight: f32,
+}
+
+impl Parallax {
+    /// Weight that a frame earlier loses at each step.
+    const MEMORY: f32 = 0.5;
+    /// Weight of the prior "moves as its surroundings do"; with 1 the first step is the mean of the
+    /// vector and the prediction of its neighbours.
+    const PRIOR: f32 = 1.0;
+
+    /// With what a vector over `frames` frames adds.
+    pub(crate) fn after(self, seen: [f32; 2], frames: i32) -> Self {
+        let per_frame = 1.0 / distance(frames);
+        Self {
+            sum: [0, 1].map(|axis| Self::MEMORY * self.sum[axis] + seen[axis] * per_frame),
+            weight: Self::MEMORY * self.weight + 1.0,
+        }
+    }
+
+    /// A fused step, which holds half of what was seen, with the parallax in its place.
+    pub(crate) fn applied(self, moved: [f32; 2], seen: [f32; 2], frames: i32) -> [f32; 2] {
+        let share = distance(frames) / (self.weight + Self::PRIOR);
+        [0, 1].map(|axis| moved[axis] - seen[axis] / 2.0 + self.sum[axis] * share)
+    }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "references are fewer than 2^24 frames away"
+)]
+fn distance(frames: i32) -> f32 {
+    frames as f32
+}
+
 /// First-order motion of a block about its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Motion {
@@ -63,28 +99,14 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// The motion that `carry` asks for; `fit` is needed for all but `Translate`.
-    pub(crate) fn new(
-        carry: Carry,
-        vector: [f32; 2],
-        fit: Option<&LocalFit>,
-        warp: Option<&[f64; 6]>,
-    ) -> Self {
+    /// The motion that `carry` asks for; without a fit the block's own.
+    pub(crate) fn new(carry: Carry, vector: [f32; 2], fit: Option<&LocalFit>) -> Self {
         let still = Self {
             vector,
             linear: [0.0; 4],
         };
         match (carry, fit) {
-            (Carry::Translate, _) | (Carry::Predict | Carry::Fuse, None) => still,
-            (Carry::Extrapolate, fit) => {
-                let own = warp.and_then(warp_slope);
-                let linear = own.or(fit.map(|fit| fit.linear)).unwrap_or_default();
-                Self { vector, linear }
-            }
-            (Carry::Predict, Some(fit)) => Self {
-                vector: fit.vector,
-                linear: fit.linear,
-            },
+            (Carry::Translate, _) | (Carry::Fuse, None) => still,
             (Carry::Fuse, Some(fit)) => Self {
                 vector: [0, 1].map(|axis| f32::midpoint(vector[axis], fit.vector[axis])),
                 linear: fit.linear,
@@ -118,19 +140,6 @@ impl Motion {
     }
 }
 
-/// Slope of the vector field of an affine model: its matrix less the identity.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "slopes are well within single precision"
-)]
-fn warp_slope(&[a, b, _, d, e, _]: &[f64; 6]) -> Option<[f32; 4]> {
-    let slope = [a - 1.0, b, d, e - 1.0];
-    slope
-        .iter()
-        .all(|value| value.is_finite())
-        .then(|| slope.map(|value| value as f32))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -161,7 +170,7 @@ mod tests {
             vector: [1.0, 0.0],
             linear: [0.5, 0.0, 0.0, 0.0],
         };
-        let fused = Motion::new(Carry::Fuse, [2.0, 4.0], Some(&fit), None);
+        let fused = Motion::new(Carry::Fuse, [2.0, 4.0], Some(&fit));
         assert_eq!(fused.at([4.0, 0.0]), [3.5, 2.0]);
     }
 
@@ -184,30 +193,19 @@ mod tests {
     }
 
     #[test]
-    fn extrapolation_uses_the_blocks_own_warp_before_its_neighbours() {
-        let fit = LocalFit {
-            residual: 0.0,
-            spread: 0.0,
-            vector: [9.0, 9.0],
-            linear: [0.5; 4],
-        };
-        let zoom = [1.25, 0.0, 7.0, 0.0, 1.0, 3.0];
-        let own = Motion::new(Carry::Extrapolate, [1.0, 2.0], Some(&fit), Some(&zoom));
-        assert_eq!(own.at([4.0, 4.0]), [2.0, 2.0]);
-        let without = Motion::new(
-            Carry::Extrapolate,
-            [1.0, 2.0],
-            Some(&fit),
-            Some(&[f64::NAN; 6]),
-        );
-        assert_eq!(without.at([4.0, 4.0]), [5.0, 6.0]);
-        assert_eq!(
-            Motion::new(Carry::Predict, [1.0, 2.0], Some(&fit), None).at([0.0, 0.0]),
-            [9.0, 9.0]
-        );
-        assert_eq!(
-            Motion::new(Carry::Translate, [1.0, 2.0], Some(&fit), None).at([4.0, 4.0]),
-            [1.0, 2.0]
-        );
+    fn the_first_step_of_a_track_is_the_fused_one_and_what_lasts_is_believed() {
+        let (fused, seen) = ([4.0, 0.0], [2.0, 0.0]);
+        let first = Parallax::default().after(seen, 1);
+        assert_eq!(first.applied(fused, seen, 1), fused);
+        let lasting = first.after(seen, 1).after(seen, 1);
+        assert!(lasting.applied(fused, seen, 1)[0] > 4.25);
+        let noise = first.after([-2.0, 0.0], 1);
+        assert!(noise.applied([2.0, 0.0], [-2.0, 0.0], 1)[0] > 2.25);
+    }
+
+    #[test]
+    fn parallax_is_per_frame_and_turns_with_the_direction_of_time() {
+        let parallax = Parallax::default().after([2.0, 0.0], 2);
+        assert_eq!(parallax, Parallax::default().after([-1.0, 0.0], -1));
     }
 }

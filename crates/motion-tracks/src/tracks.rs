@@ -19,6 +19,8 @@ pub(crate) struct Observation {
     pub(crate) track: u32,
     pub(crate) frame: i32,
     pub(crate) xy: [f32; 2],
+    /// Accumulated squared error since the track's start, px².
+    pub(crate) variance: f32,
 }
 
 impl Tracks {
@@ -91,6 +93,7 @@ mod tests {
             track,
             frame,
             xy: [x, 0.0],
+            variance: 0.0,
         }
     }
 

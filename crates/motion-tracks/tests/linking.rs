@@ -5,7 +5,9 @@ use motion_tracks::{Carry, Cosine, Field, FitOptions, Follow, LinkOptions, Linke
 
 const PLAIN: LinkOptions = LinkOptions {
     keep_zero: true,
-    max_residual: None,
+    error_model: None,
+    max_error: None,
+    max_drift: None,
     fit: FitOptions {
         neighbors: 12,
         min_neighbors: 4,
@@ -36,7 +38,7 @@ fn link(options: LinkOptions, frames: &[(i32, &[Row])]) -> Tracks {
             blocks: &blocks,
             vectors: &vectors,
             references: &references,
-            warps: &[],
+            energies: &[],
         };
         linker.push(&field).unwrap();
     }

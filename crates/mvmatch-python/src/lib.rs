@@ -19,5 +19,5 @@ mod _core {
     #[pymodule_export]
     use super::coded_frame::CodedFrame;
     #[pymodule_export]
-    use super::tracks::{TrackLinker, fit_neighbors};
+    use super::tracks::{TrackLinker, fit_neighbors, vector_errors};
 }

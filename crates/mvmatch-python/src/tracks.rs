@@ -1,7 +1,7 @@
 //! Door to `motion-tracks`: NumPy columns in, NumPy columns out.
 
 use motion_tracks::{
-    Carry, Cosine, Field, FieldError, FitOptions, Follow, LinkOptions, Linker, Tracks,
+    Carry, Cosine, ErrorModel, Field, FieldError, FitOptions, Follow, LinkOptions, Linker, Tracks,
 };
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -35,7 +35,7 @@ pub struct Columns<'py> {
     block: PyReadonlyArray2<'py, i32>,
     mv: PyReadonlyArray2<'py, f32>,
     ref_frame: PyReadonlyArray1<'py, i32>,
-    warp: PyReadonlyArray2<'py, f64>,
+    residual: PyReadonlyArray1<'py, f32>,
 }
 
 impl Columns<'_> {
@@ -47,7 +47,7 @@ impl Columns<'_> {
             blocks: rows(&self.block, "block")?,
             vectors: rows(&self.mv, "mv")?,
             references: self.ref_frame.as_slice()?,
-            warps: rows(&self.warp, "warp")?,
+            energies: self.residual.as_slice()?,
         })
     }
 }
@@ -55,11 +55,9 @@ impl Columns<'_> {
 fn carry_named(name: &str) -> PyResult<Carry> {
     match name {
         "translate" => Ok(Carry::Translate),
-        "extrapolate" => Ok(Carry::Extrapolate),
-        "predict" => Ok(Carry::Predict),
         "fuse" => Ok(Carry::Fuse),
         _ => Err(PyValueError::new_err(format!(
-            "carry is {name:?}; it can be translate, extrapolate, predict or fuse"
+            "carry is {name:?}; it can be translate or fuse"
         ))),
     }
 }
@@ -99,7 +97,7 @@ pub struct TrackLinker {
 impl TrackLinker {
     #[new]
     #[pyo3(signature = (
-        *, keep_zero, max_residual, num_neighbors, carry, follow, epsilon, tau, cell, extend,
+        *, keep_zero, error_weights, max_error, max_drift, num_neighbors, carry, follow, epsilon, tau, cell, extend,
         min_length
     ))]
     #[expect(
@@ -108,7 +106,9 @@ impl TrackLinker {
     )]
     fn new(
         keep_zero: bool,
-        max_residual: Option<f32>,
+        error_weights: Option<[f64; 6]>,
+        max_error: Option<f32>,
+        max_drift: Option<f32>,
         num_neighbors: usize,
         carry: &str,
         follow: &str,
@@ -120,7 +120,9 @@ impl TrackLinker {
     ) -> PyResult<Self> {
         let options = LinkOptions {
             keep_zero,
-            max_residual,
+            error_model: error_weights.map(|weights| ErrorModel { weights }),
+            max_error,
+            max_drift,
             fit: FitOptions {
                 neighbors: num_neighbors,
                 ..FitOptions::default()
@@ -202,4 +204,28 @@ pub fn fit_neighbors<'py>(
         to_array(py, fits.iter().map(|fit| fit.vector).collect())?,
         to_array(py, fits.iter().map(|fit| fit.linear).collect())?,
     ))
+}
+
+/// Median error of every row (N,), px.
+#[pyfunction]
+#[pyo3(signature = (columns, *, weights, num_neighbors = 12))]
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments from Python are extracted values"
+)]
+pub fn vector_errors<'py>(
+    py: Python<'py>,
+    columns: Columns<'py>,
+    weights: [f64; 6],
+    num_neighbors: usize,
+) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    let field = columns.field()?;
+    field.validate().map_err(refuse)?;
+    let options = FitOptions {
+        neighbors: num_neighbors,
+        ..FitOptions::default()
+    };
+    let model = ErrorModel { weights };
+    let errors = py.detach(|| motion_tracks::vector_errors(&field, &options, &model));
+    Ok(errors.into_pyarray(py))
 }
