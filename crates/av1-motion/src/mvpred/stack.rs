@@ -39,15 +39,28 @@ impl MvStack {
         }
     }
 
-    /// §7.10.2.6, §7.10.2.8, §7.10.2.9: adds `weight` to an equal entry or appends one. The second
-    /// vector of single prediction is zero throughout.
-    #[inline]
-    pub(super) fn add(&mut self, mvs: [MotionVector; 2], weight: u32) {
-        let found = self.num_found;
-        if let Some(idx) = self.mvs[..found].iter().position(|entry| *entry == mvs) {
-            self.weights[idx] += weight;
+    /// §7.10.2.6, §7.10.2.8, §7.10.2.9: adds `weight` to an equal entry or appends one; its index, or
+    /// one past the end when there is no room. The second vector of single prediction is zero
+    /// throughout.
+    pub(super) fn add(&mut self, mvs: [MotionVector; 2], weight: u32) -> usize {
+        let (found, key) = (self.num_found, key(&mvs));
+        let index = self.mvs[..found]
+            .iter()
+            .position(|entry| self::key(entry) == key)
+            .unwrap_or(found);
+        if index < found {
+            self.weights[index] += weight;
         } else if found < MAX_REF_MV_STACK_SIZE {
             self.push(mvs, weight);
+        }
+        index
+    }
+
+    /// Adds to the weight of an entry that [`MvStack::add`] named.
+    #[inline]
+    pub(super) fn add_weight(&mut self, index: usize, weight: u32) {
+        if let Some(sum) = self.weights.get_mut(index) {
+            *sum += weight;
         }
     }
 
@@ -73,6 +86,13 @@ impl MvStack {
             end = new_end;
         }
     }
+}
+
+/// Two vectors as one word, which is compared at once.
+#[inline]
+fn key(mvs: &[MotionVector; 2]) -> u64 {
+    let half = |mv: MotionVector| u64::from(mv.row as u16) | u64::from(mv.col as u16) << 16;
+    half(mvs[0]) | half(mvs[1]) << 32
 }
 
 /// The search for the candidates of one block.
