@@ -39,15 +39,28 @@ impl MvStack {
         }
     }
 
-    /// §7.10.2.6, §7.10.2.8, §7.10.2.9: adds `weight` to an equal entry or appends one. The second
-    /// vector of single prediction is zero throughout.
-    #[inline]
-    pub(super) fn add(&mut self, mvs: [MotionVector; 2], weight: u32) {
-        let found = self.num_found;
-        if let Some(idx) = self.mvs[..found].iter().position(|entry| *entry == mvs) {
-            self.weights[idx] += weight;
+    /// §7.10.2.6, §7.10.2.8, §7.10.2.9: adds `weight` to an equal entry or appends one; its index, or
+    /// one past the end when there is no room. The second vector of single prediction is zero
+    /// throughout.
+    pub(super) fn add(&mut self, mvs: [MotionVector; 2], weight: u32) -> usize {
+        let (found, key) = (self.num_found, key(&mvs));
+        let index = self.mvs[..found]
+            .iter()
+            .position(|entry| self::key(entry) == key)
+            .unwrap_or(found);
+        if index < found {
+            self.weights[index] += weight;
         } else if found < MAX_REF_MV_STACK_SIZE {
             self.push(mvs, weight);
+        }
+        index
+    }
+
+    /// Adds to the weight of an entry that [`MvStack::add`] named.
+    #[inline]
+    pub(super) fn add_weight(&mut self, index: usize, weight: u32) {
+        if let Some(sum) = self.weights.get_mut(index) {
+            *sum += weight;
         }
     }
 
@@ -59,20 +72,34 @@ impl MvStack {
         self.num_found += 1;
     }
 
-    /// §7.10.2.11 Sorting process: a stable sort by falling weight.
-    fn sort(&mut self, start: usize, mut end: usize) {
-        while end > start {
-            let mut new_end = start;
-            for idx in start + 1..end {
-                if self.weights[idx - 1] < self.weights[idx] {
-                    self.weights.swap(idx - 1, idx);
-                    self.mvs.swap(idx - 1, idx);
-                    new_end = idx;
-                }
+    /// §7.10.2.11 Sorting process: a stable sort by falling weight, without branches on the weights.
+    /// The nearest candidates stay in front, because [`REF_CAT_LEVEL`] is more than all others weigh.
+    fn sort(&mut self) {
+        const ENTRIES: usize = MAX_REF_MV_STACK_SIZE;
+        let mut keys = [0_u16; ENTRIES];
+        for (i, key) in keys.iter_mut().enumerate() {
+            *key = (self.weights[i] * ENTRIES as u32) as u16 + (ENTRIES - 1 - i) as u16;
+        }
+        let mut ranks = [0_u16; ENTRIES];
+        for other in keys {
+            for (rank, key) in ranks.iter_mut().zip(keys) {
+                *rank += u16::from(other > key);
             }
-            end = new_end;
+        }
+        let (mvs, weights) = (self.mvs, self.weights);
+        for i in 0..self.num_found {
+            let rank = ranks[i] as usize & (ENTRIES - 1);
+            self.mvs[rank] = mvs[i];
+            self.weights[rank] = weights[i];
         }
     }
+}
+
+/// Two vectors as one word, which is compared at once.
+#[inline]
+fn key(mvs: &[MotionVector; 2]) -> u64 {
+    let half = |mv: MotionVector| u64::from(mv.row as u16) | u64::from(mv.col as u16) << 16;
+    half(mvs[0]) | half(mvs[1]) << 32
 }
 
 /// The search for the candidates of one block.
@@ -80,7 +107,7 @@ pub(super) struct Search<'a> {
     pub(super) tile: &'a TileDecoder<'a>,
     pub(super) block: &'a Block,
     pub(super) is_compound: bool,
-    pub(super) stack: MvStack,
+    pub(super) stack: &'a mut MvStack,
     /// `FoundMatch`.
     pub(super) found_match: bool,
     /// Whether `NewMvCount` is not 0.
@@ -95,24 +122,25 @@ impl TileDecoder<'_> {
         if is_compound {
             global_mvs[1] = self.global_mv(block, 1);
         }
+        let mut stack = MvStack {
+            mvs: [[MotionVector::ZERO; 2]; MAX_REF_MV_STACK_SIZE],
+            weights: [0; MAX_REF_MV_STACK_SIZE],
+            num_found: 0,
+            global_mvs,
+            new_mv_context: 0,
+            ref_mv_context: 0,
+            zero_mv_context: 0,
+        };
         let mut search = Search {
             tile: self,
             block,
             is_compound,
-            stack: MvStack {
-                mvs: [[MotionVector::ZERO; 2]; MAX_REF_MV_STACK_SIZE],
-                weights: [0; MAX_REF_MV_STACK_SIZE],
-                num_found: 0,
-                global_mvs,
-                new_mv_context: 0,
-                ref_mv_context: 0,
-                zero_mv_context: 0,
-            },
+            stack: &mut stack,
             found_match: false,
             found_new_mv: false,
         };
         search.run(context);
-        search.stack
+        stack
     }
 }
 
@@ -152,8 +180,9 @@ impl Search<'_> {
         }
         found_left |= self.take_match();
         let total_matches = usize::from(found_above) + usize::from(found_left);
-        self.stack.sort(0, num_nearest);
-        self.stack.sort(num_nearest, self.stack.num_found);
+        if self.stack.num_found > 1 {
+            self.stack.sort();
+        }
         if self.stack.num_found < 2 {
             self.extra_search(context);
         }
@@ -185,16 +214,15 @@ impl Search<'_> {
             let (mi, samples4) = (mi as i32, i32::from(samples) / 4);
             let to_start = -(mi * 4 * 8);
             let to_end = (mi_end as i32 - samples4 - mi) * 4 * 8;
-            (to_start - border, to_end + border)
+            let narrow = |limit: i32| limit.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+            (narrow(to_start - border), narrow(to_end + border))
         };
         let rows = limits(self.block.mi_row, frame.mi_rows, BLOCK_HEIGHT[size]);
         let cols = limits(self.block.mi_col, frame.mi_cols, BLOCK_WIDTH[size]);
-        let lists = if self.is_compound { 2 } else { 1 };
-        for entry in &mut self.stack.mvs[..self.stack.num_found] {
-            for mv in &mut entry[..lists] {
-                mv.row = i32::from(mv.row).clamp(rows.0, rows.1) as i16;
-                mv.col = i32::from(mv.col).clamp(cols.0, cols.1) as i16;
-            }
+        // The second vector of single prediction stays zero.
+        for mv in self.stack.mvs[..self.stack.num_found].as_flattened_mut() {
+            mv.row = mv.row.max(rows.0).min(rows.1);
+            mv.col = mv.col.max(cols.0).min(cols.1);
         }
     }
 }

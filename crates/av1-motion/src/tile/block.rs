@@ -202,6 +202,8 @@ impl TileDecoder<'_> {
         } else {
             self.inter_frame_mode_info(&mut block, &mut context)?;
         }
+        block.q_index = self.current_q_index;
+        block.delta_lf = self.delta_lf;
         self.palette_tokens(&block);
         self.grid.place(self.blocks.len() as u32, &block);
         self.read_block_tx_size(&mut block, &context);
@@ -210,8 +212,6 @@ impl TileDecoder<'_> {
         } else {
             self.residual(&mut block, &context)?;
         }
-        block.q_index = self.current_q_index;
-        block.delta_lf = self.delta_lf;
         self.blocks.push(block);
         Ok(())
     }

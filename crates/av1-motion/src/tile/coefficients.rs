@@ -37,7 +37,9 @@ impl TileDecoder<'_> {
         let rows = row..row + height4 as usize;
         let size_context =
             (TX_SIZE_SQR[tx_size as usize] + TX_SIZE_SQR_UP[tx_size as usize] + 1) as usize >> 1;
-        let area = (plane == 0).then(|| self.grid.area(y4, x4, width4 as usize, height4 as usize));
+        // Only the chroma of inter blocks looks at the types of luma.
+        let area = (plane == 0 && block.is_inter)
+            .then(|| self.grid.area(y4, x4, width4 as usize, height4 as usize));
 
         let plane_size = SUBSAMPLED_SIZE[block.size as usize][ss_x as usize][ss_y as usize];
         let zero_context = {
@@ -58,9 +60,10 @@ impl TileDecoder<'_> {
             self.trace.transform_block(plane, (x4, y4), tx_size, None);
             return Ok(());
         }
-        let tx_type = match area {
-            Some(area) => self.luma_tx_type(block, tx_size, area),
-            None => self.chroma_tx_type(block, context, tx_size, x4, y4),
+        let tx_type = if plane == 0 {
+            self.luma_tx_type(block, tx_size, area)
+        } else {
+            self.chroma_tx_type(block, context, tx_size, x4, y4)
         };
         self.trace
             .transform_block(plane, (x4, y4), tx_size, Some(tx_type));
@@ -103,9 +106,11 @@ impl TileDecoder<'_> {
     }
 
     /// §5.11.47: reads the type of a luma transform block and keeps it for chroma.
-    fn luma_tx_type(&mut self, block: &Block, tx_size: u8, area: Area) -> u8 {
+    fn luma_tx_type(&mut self, block: &Block, tx_size: u8, area: Option<Area>) -> u8 {
         let tx_type = self.read_transform_type(block, tx_size);
-        area.fill(&mut self.grid.tx_type, tx_type);
+        if let Some(area) = area {
+            area.fill(&mut self.grid.tx_type, tx_type);
+        }
         tx_type
     }
 
