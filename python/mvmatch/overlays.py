@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mvmatch.cells import CELL, field_cells, grid_shape
+from mvmatch.cells import CELL
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mvmatch.cells import FieldCells
     from mvmatch.types import MotionField
 
 
@@ -61,7 +62,8 @@ class Overlays:
     @property
     def area_share(self) -> float:
         """Largest share of the picture under overlays in any window."""
-        return float(self.cells.mean(axis=(1, 2)).max(initial=0.0))
+        shares = self.cells.mean(axis=(1, 2)) if self.cells.size else np.zeros(1)
+        return float(shares.max())
 
     def _window(self, frame: ArrayLike) -> NDArray[np.int64]:
         window = np.searchsorted(self.end, np.asarray(frame), side="right")
@@ -71,7 +73,7 @@ class Overlays:
 class OverlayFinder:
     """Counts, cell by cell, how often a part of the picture stands still while the rest moves.
 
-    Feed every field with :meth:`add`, in decode order; two counts per cell are kept.
+    Feed every field with :meth:`add`, in decode order; one count per cell is kept.
     """
 
     def __init__(self, options: OverlayOptions | None = None) -> None:
@@ -80,31 +82,27 @@ class OverlayFinder:
         self._moving_frames = self._frames = self._last = 0
         self._windows: list[tuple[int, int, NDArray[np.int32]]] = []
 
-    def add(self, field: MotionField) -> None:
-        """Count one field."""
+    def add(self, field: MotionField, cells: FieldCells) -> None:
+        """Count one field, given on the grid as well."""
         if self._still.size == 0:
-            self._still = np.zeros(grid_shape(field.width, field.height), np.int32)
+            self._still = np.zeros(cells.past.shape, np.int32)
         self._last = max(self._last, field.frame)
-        if self._options.min_still is None or field.is_key:
+        if field.is_key:
             return
-        cells = field_cells(field)
         still = cells.still
         moving = cells.speed[cells.speed > 0]
         self._frames += 1
         if (
-            still.mean() <= 1 - self._options.min_moving
+            np.mean(still) <= 1 - self._options.min_moving
             and len(moving)
             and np.median(moving) >= self._options.min_motion
         ):
             self._moving_frames += 1
             self._still += still
         if self._frames == self._options.window:
-            self._close()
-
-    def _close(self) -> None:
-        self._windows.append((self._last + 1, self._moving_frames, self._still))
-        self._still = np.zeros_like(self._still)
-        self._moving_frames = self._frames = 0
+            self._windows.append((self._last + 1, self._moving_frames, self._still))
+            self._still = np.zeros_like(self._still)
+            self._moving_frames = self._frames = 0
 
     def overlays(self) -> Overlays:
         """Return what was found in the fields so far."""
@@ -113,13 +111,12 @@ class OverlayFinder:
             # A short rest says little: it joins the window before.
             (_, frames, still), (end, more_frames, more_still) = windows[-2:]
             windows[-2:] = [(end, frames + more_frames, still + more_still)]
-        least = 1.0 if self._options.min_still is None else self._options.min_still
-        cells = [
-            still >= max(least * frames, 1)
-            if frames >= self._options.min_frames
-            else np.zeros(still.shape, np.bool_)
-            for _, frames, still in windows
-        ]
         return Overlays(
-            end=np.array([window[0] for window in windows], np.int64), cells=np.array(cells)
+            end=np.array([end for end, _, _ in windows], np.int64),
+            cells=np.array([self._verdict(frames, still) for _, frames, still in windows]),
         )
+
+    def _verdict(self, frames: int, still: NDArray[np.int32]) -> NDArray[np.bool_]:
+        if self._options.min_still is None or frames < self._options.min_frames:
+            return np.zeros(still.shape, np.bool_)
+        return still >= self._options.min_still * frames

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mvmatch.cells import field_cells
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mvmatch.cells import FieldCells
     from mvmatch.overlays import Overlays
     from mvmatch.types import MotionField
 
@@ -56,14 +56,11 @@ class CutFinder:
         self._crossing: dict[int, float] = {}
         self._key_frames: set[int] = set()
 
-    def add(self, field: MotionField) -> None:
-        """Count one field."""
-        if self._options.cut_share is None:
-            return
+    def add(self, field: MotionField, cells: FieldCells) -> None:
+        """Count one field, given on the grid as well."""
         if field.is_key:
             self._key_frames.add(field.frame)
             return
-        cells = field_cells(field)
         # A cell that reaches back d frames crosses the boundaries frame - d + 1 to frame.
         for far, first, step in (
             (cells.past, field.frame, -1),
@@ -165,9 +162,7 @@ def end_tracks(
     dropped = np.zeros(len(shot), np.bool_) if drop is None else drop
     starts = np.ones(len(shot), np.bool_)
     starts[1:] = (
-        (np.diff(tracks.track_index) != 0)
-        | (np.diff(shot) != 0)
-        | (dropped[1:] != dropped[:-1])
+        (np.diff(tracks.track_index) != 0) | (np.diff(shot) != 0) | (dropped[1:] != dropped[:-1])
     )
     part = np.cumsum(starts) - 1
     length = np.bincount(part)

@@ -49,7 +49,9 @@ class Patch:
         center = np.asarray(self.start) * wide + frame * size[1] * np.asarray(self.step)
         return np.column_stack([scale * np.eye(2), center - scale * source])
 
-    def covers(self, frame: int, xy: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.bool_]:
+    def covers(
+        self, frame: int, xy: NDArray[np.float64], size: tuple[int, int]
+    ) -> NDArray[np.bool_]:
         """(N,) whether (N, 2) points of a frame, px, lie on it."""
         moved = self.frame_from_source(frame, size)
         local = (xy - moved[:, 2]) / moved[0, 0] - np.asarray(self.source) * np.asarray(size)
