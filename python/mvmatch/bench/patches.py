@@ -86,7 +86,7 @@ class PatchedFrames:
         cv2 = require_opencv()
         image, first = self.base.read(index), self.base.read(0)
         columns, rows = np.meshgrid(np.arange(self.size[0]) + 0.5, np.arange(self.size[1]) + 0.5)
-        centers = np.column_stack([columns.ravel(), rows.ravel()])
+        centers = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64)
         for patch in self.patches:
             matrix = patch.frame_from_source(index, self.size)
             # OpenCV's origin is the first pixel's centre.

@@ -95,7 +95,8 @@ def run_outcome(made: Run) -> Outcome:
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
             f"{made.match.info.height} px; camera: {made.camera.source}",
-            "tracks": f"{len(made.match.tracks):,}{_moving(made)}; {made.database.num_inliers:,} matches in "
+            "tracks": f"{len(made.match.tracks):,}{_moving(made)}; "
+            f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
             **model_figures(made.model),
             "cost": f"{cost}; {cpu:.1f} CPU s",

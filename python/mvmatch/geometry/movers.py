@@ -180,9 +180,9 @@ def _distance_from_infinity(
     left, singular, right = np.linalg.svd(np.linalg.inv(K) @ fit.H @ K)
     if not singular[0] < (1.0 + options.max_stretch) * singular[2]:
         return None
-    R = left @ right
-    R *= np.sign(np.linalg.det(R))
-    distance = half_line_distance(xy0, xy1, camera, np.column_stack([R, np.zeros(3)]))
+    rotation = left @ right
+    rotation *= np.sign(np.linalg.det(rotation))
+    distance = half_line_distance(xy0, xy1, camera, np.column_stack([rotation, np.zeros(3)]))
     return distance if np.mean(distance <= options.max_error) > 0.5 else None
 
 
