@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from mvmatch.cells import field_cells
@@ -31,6 +32,8 @@ class Footage:
 
     cuts: tuple[int, ...]
     """First pictures of new shots, key frames left out."""
+    jumps: tuple[int, ...]
+    """Pictures before which a piece of the scene is missing; tracks go on where vectors do."""
     repeats: tuple[int, ...]
     """Pictures that show the one before them again."""
     overlays: Overlays
@@ -44,8 +47,13 @@ class Footage:
         if self.cuts:
             found.append(
                 f"Scene cuts before the pictures {_listed(self.cuts)}, {len(self.cuts)} in all: "
-                "tracks end there, and a model can hold one shot. "
-                "Give each shot as a video of its own."
+                "tracks end there, and the model holds one shot. "
+                "Give each shot as a video of its own for the others."
+            )
+        if self.jumps:
+            found.append(
+                f"The video jumps before the pictures {_listed(self.jumps)}, {len(self.jumps)} in "
+                "all: only few tracks hold what lies before and after together."
             )
         if self.repeats:
             found.append(
@@ -60,10 +68,15 @@ class Footage:
             )
         return found
 
+    def longest_shot(self, num_frames: int) -> int:
+        """Pictures between two cuts, at most."""
+        return max(end - start for start, end in pairwise([0, *self.cuts, num_frames]))
+
     def summary(self) -> dict[str, Any]:
         """Return plain numbers for reports (docs/reference/report-schema.md)."""
         return {
             "cuts": list(self.cuts),
+            "jumps": list(self.jumps),
             "repeats": list(self.repeats),
             "overlay_area_share": self.overlays.area_share,
             "num_overlay_observations": self.num_overlay_observations,
@@ -102,6 +115,7 @@ class FootageObserver:
         cleaned = end_tracks(tracks, cuts=cuts, drop=drop, min_length=min_length)
         footage = Footage(
             cuts=cuts,
+            jumps=self._cuts.jumps(overlays),
             repeats=find_repeats(cleaned, self._options.shots),
             overlays=overlays,
             num_overlay_observations=int(drop.sum()),

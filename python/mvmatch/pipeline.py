@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import ReconstructionResult
+    from mvmatch.sfm import MapperOptions, ReconstructionResult
 
 
 class Progress(Protocol):
@@ -256,7 +256,8 @@ def reconstruct_video(
                 )
         _tell(progress, "map")
         with clock.stage("map"):
-            model = reconstruct(database, staging / outputs.MODEL, options=options.mapper)
+            mapper = _one_shot(options.mapper, match)
+            model = reconstruct(database, staging / outputs.MODEL, options=mapper)
         run = Run(
             out=out,
             match=match,
@@ -271,6 +272,18 @@ def reconstruct_video(
         _write_report(staging, run.data)
         outputs.publish(staging, out)
     return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
+
+
+def _one_shot(options: MapperOptions, match: Match) -> MapperOptions:
+    """Ask of the model that it holds the longest shot: across cuts nothing links the images."""
+    share = match.footage.longest_shot(match.num_frames) / match.num_frames
+    acceptance = options.acceptance
+    acceptance = dataclasses.replace(
+        acceptance,
+        min_registered=share * acceptance.min_registered,
+        min_observations=share * acceptance.min_observations,
+    )
+    return dataclasses.replace(options, acceptance=acceptance)
 
 
 def _at_rest(tracks: Tracks, weights: NDArray[np.float64] | None, options: RunOptions) -> Tracks:

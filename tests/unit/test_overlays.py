@@ -22,6 +22,10 @@ def logo(block):
     return (0.0, 0.0) if block == LOGO else (3.0, 1.0)
 
 
+def everything(_):
+    return (3.0, 1.0)
+
+
 def test_what_stands_still_while_the_picture_moves_is_an_overlay():
     overlays = found([logo] * 20)
     expected = np.zeros((4, 8), bool)
@@ -49,7 +53,7 @@ def test_a_part_that_is_intra_coded_is_no_overlay():
 
 def test_a_far_point_that_stands_still_only_while_the_camera_does_not_turn_is_no_overlay():
     straight = [logo] * 10
-    turning = [lambda b: (3.0, 1.0)] * 10
+    turning = [everything] * 10
     assert found(straight + turning).area_share == 0.0
 
 
@@ -63,7 +67,7 @@ def test_a_few_frames_give_no_verdict():
 
 
 def test_an_overlay_may_come_and_go():
-    overlays = found([logo] * 21 + [lambda b: (3.0, 1.0)] * 20, window=20)
+    overlays = found([logo] * 21 + [everything] * 20, window=20)
     assert overlays.at(5)[1, 6]
     assert not overlays.at(30)[1, 6]
 

@@ -10,7 +10,7 @@ BLOCKS = [[x, y, 8, 8] for y in range(0, 32, 8) for x in range(0, 64, 8)]
 
 
 def finders(pictures, **options):
-    """Cut finder and overlays of fields given per picture as lists of (block, vector, reference)."""
+    """Cut finder and overlays of fields: per picture its rows (block, vector, reference)."""
     cuts, overlays = CutFinder(ShotOptions(**options)), OverlayFinder()
     for decode, (frame, rows) in enumerate(pictures):
         field = field_from_rows(frame, rows, decode_index=decode)
@@ -24,6 +24,11 @@ def cuts_of(pictures, **options):
     return finder.cuts(overlays)
 
 
+def jumps_or_cuts(pictures):
+    finder, overlays = finders(pictures)
+    return finder.cuts(overlays) + finder.jumps(overlays)
+
+
 def covered(frame, share, reference=None, vector=(3.0, 0.0)):
     count = round(share * len(BLOCKS))
     reference = frame - 1 if reference is None else reference
@@ -35,29 +40,35 @@ def drive(shares):
 
 
 def test_a_collapse_of_the_predicted_area_is_a_cut():
-    assert cuts_of(drive([0.9] * 6 + [0.2] + [0.9] * 6)) == (7,)
+    assert cuts_of(drive([0.9] * 6 + [0.05] + [0.9] * 6)) == (7,)
+
+
+def test_a_jump_within_a_scene_is_told_from_a_cut():
+    finder, overlays = finders(drive([0.9] * 6 + [0.3] + [0.9] * 6))
+    assert finder.cuts(overlays) == ()
+    assert finder.jumps(overlays) == (7,)
 
 
 def test_intra_coded_footage_has_no_cuts_as_long_as_it_goes_on_alike():
-    assert cuts_of(drive([0.4, 0.3, 0.35, 0.4, 0.3, 0.25, 0.4])) == ()
+    assert jumps_or_cuts(drive([0.4, 0.3, 0.35, 0.4, 0.3, 0.25, 0.4])) == ()
 
 
 def test_a_key_frame_amid_continuous_motion_is_no_cut():
     pictures = drive([0.9] * 12)
     pictures[6] = (6, [])
-    assert cuts_of(pictures) == ()
+    assert jumps_or_cuts(pictures) == ()
 
 
 def test_a_flash_is_no_cut_because_the_picture_after_it_refers_to_the_one_before():
     pictures = drive([0.9] * 12)
     pictures[6] = covered(6, 0.1)
     pictures[7] = covered(7, 0.9, reference=5)
-    assert cuts_of(pictures) == ()
+    assert jumps_or_cuts(pictures) == ()
 
 
 def test_a_cut_shows_in_a_pyramid_of_references():
     def pyramid(links):
-        decoded = [(0, []), *(covered(f, 0.9 if f in links else 0.1, r) for f, r in ORDER)]
+        decoded = [(0, []), *(covered(f, 0.9 if f in links else 0.05, r) for f, r in ORDER)]
         for leaf, later in ((1, 2), (3, 4), (5, 6), (7, 8)):
             rows = covered(leaf, 0.9, leaf - 1)[1] + covered(leaf, 0.9, later)[1]
             decoded.append((leaf, rows))
@@ -76,19 +87,19 @@ ORDER = ((8, 0), (4, 0), (2, 0), (6, 4))
 def test_an_overlay_that_goes_on_through_a_cut_does_not_hide_it():
     dashboard = [(block, (0.0, 0.0)) for block in BLOCKS[16:]]
 
-    def picture(frame, scene):
-        moving = [(block, (3.0, 0.0), frame - 1) for block in BLOCKS[:scene]]
+    def picture(frame, width):
+        moving = [(block, (3.0, 0.0), frame - 1) for block in BLOCKS[:width]]
         return frame, moving + [(block, vector, frame - 1) for block, vector in dashboard]
 
-    pictures = [(0, []), *(picture(frame, 4 if frame == 10 else 16) for frame in range(1, 20))]
+    pictures = [(0, []), *(picture(frame, 2 if frame == 10 else 16) for frame in range(1, 20))]
     finder, overlays = finders(pictures)
     assert overlays.area_share == 0.5
-    assert finder.cuts() == ()
+    assert finder.cuts() == finder.jumps() == ()
     assert finder.cuts(overlays) == (10,)
 
 
 def test_cuts_can_be_switched_off():
-    assert cuts_of(drive([0.9] * 6 + [0.2] + [0.9] * 6), cut_share=None) == ()
+    assert cuts_of(drive([0.9] * 6 + [0.05] + [0.9] * 6), jump_share=None) == ()
 
 
 def moving_tracks(steps, count=20, still=0):

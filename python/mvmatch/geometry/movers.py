@@ -42,6 +42,9 @@ class MoverOptions:
     gaps: tuple[int, ...] = (2, 5)
     """Frames between the pictures of the pairs: the short one reaches every track of three frames,
     the long one sees slow movers."""
+    cell: int = 32
+    """px; side of the cells that give one match each to the estimation of the camera motion, so
+    that area counts: encoders spend many small blocks on what moves."""
     max_error: float = 1.5
     """px; inlier bound of the camera motion. Wider, movers take part in it."""
     max_sample: int = 300
@@ -94,10 +97,11 @@ def track_weights(
         # Pairs of a long gap overlap: every second or third of them tests the same tracks.
         for frame in range(0, tracks.num_frames - gap, max(1, gap // 2)):
             track, xy0, xy1 = _matched(tracks, frame, frame + gap)
-            distance = _distance_from_rest(xy0, xy1, camera, (frame, frame + gap), options)
+            pair = _Pair(xy0=xy0, xy1=xy1, even=_even(xy0, options), camera=camera)
+            distance = _distance_from_rest(pair, (frame, frame + gap), options)
             if distance is None:
                 continue
-            noise = options.noise_factor * _MAD * float(np.median(distance))
+            noise = options.noise_factor * _MAD * float(np.median(distance[pair.even]))
             moves = distance > max(options.min_distance, noise)
             tested[track] += 1
             moved[track] += moves & (_support(xy0, moves, options) >= options.min_support)
@@ -138,52 +142,73 @@ def half_line_distance(
     return np.where(ahead, camera.mean_focal_length() * distance, np.inf)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    """Matches of a frame pair."""
+
+    xy0: _Floats
+    """(N, 2) px."""
+    xy1: _Floats
+    """(N, 2) px."""
+    even: NDArray[np.int64]
+    """Some of the matches, spread evenly: they stand for the area of the picture."""
+    camera: pycolmap.Camera
+
+    def half_line_distance(self, rotation: _Floats, translation: _Floats) -> _Floats:
+        pose = np.column_stack([rotation, translation])
+        return half_line_distance(self.xy0, self.xy1, self.camera, pose)
+
+
 def _distance_from_rest(
-    xy0: _Floats,
-    xy1: _Floats,
-    camera: pycolmap.Camera,
-    frames: tuple[int, int],
-    options: MoverOptions,
+    pair: _Pair, frames: tuple[int, int], options: MoverOptions
 ) -> _Floats | None:
     """(N,) px; None where the camera motion is unknown."""
-    ransac = RansacOptions(max_error=options.max_error)
     fit = fit_pair(
-        xy0, xy1, camera, camera, frames=frames, options=ransac, max_sample=options.max_sample
+        pair.xy0[pair.even],
+        pair.xy1[pair.even],
+        pair.camera,
+        pair.camera,
+        frames=frames,
+        options=RansacOptions(max_error=options.max_error),
+        max_sample=options.max_sample,
     )
     moving = None
     if fit.cam1_from_cam0 is not None:
         pose = np.asarray(fit.cam1_from_cam0.matrix(), np.float64)
-        moving = half_line_distance(xy0, xy1, camera, pose)
-    turning = _distance_from_infinity(xy0, xy1, camera, fit, options)
+        moving = pair.half_line_distance(pose[:, :3], pose[:, 3])
+    turning = _distance_from_infinity(pair, fit, options)
     if turning is None or moving is None:
         return moving if turning is None else turning
-    off = turning > options.max_error
-    if np.median(np.linalg.norm(xy1 - xy0, axis=1)) < options.max_error / 5:
+    flow = np.linalg.norm(pair.xy1 - pair.xy0, axis=1)
+    if np.median(flow[pair.even]) < options.max_error / 5:
         return turning  # the camera stands
     # A camera that turns may move as well, before a distant background: near things are at rest if
     # they are many and one translation explains them.
-    explained = float(np.mean(moving[off] <= options.max_error)) if off.any() else 0.0
-    return moving if off.mean() > 0.1 and explained > 0.9 else turning
+    off = pair.even[turning[pair.even] > options.max_error]
+    many = len(off) > 0.1 * len(pair.even)
+    return moving if many and np.mean(moving[off] <= options.max_error) > 0.9 else turning
 
 
 def _distance_from_infinity(
-    xy0: _Floats,
-    xy1: _Floats,
-    camera: pycolmap.Camera,
-    fit: PairGeometry,
-    options: MoverOptions,
+    pair: _Pair, fit: PairGeometry, options: MoverOptions
 ) -> _Floats | None:
-    """(N,) px from a mere rotation; None where a rotation does not explain most of the points."""
+    """(N,) px from a mere rotation; None where a rotation does not explain most of the picture."""
     if fit.H is None:
         return None
-    K = np.asarray(camera.calibration_matrix(), np.float64)
+    K = np.asarray(pair.camera.calibration_matrix(), np.float64)
     left, singular, right = np.linalg.svd(np.linalg.inv(K) @ fit.H @ K)
     if not singular[0] < (1.0 + options.max_stretch) * singular[2]:
         return None
     rotation = left @ right
     rotation *= np.sign(np.linalg.det(rotation))
-    distance = half_line_distance(xy0, xy1, camera, np.column_stack([rotation, np.zeros(3)]))
-    return distance if np.mean(distance <= options.max_error) > 0.5 else None
+    distance = pair.half_line_distance(rotation, np.zeros(3))
+    return distance if np.mean(distance[pair.even] <= options.max_error) > 0.5 else None
+
+
+def _even(xy: _Floats, options: MoverOptions) -> NDArray[np.int64]:
+    """One match per cell."""
+    cell = np.floor(xy / options.cell).astype(np.int64)
+    return np.unique(cell, axis=0, return_index=True)[1].astype(np.int64)
 
 
 def _support(xy: _Floats, moves: NDArray[np.bool_], options: MoverOptions) -> _Floats:
