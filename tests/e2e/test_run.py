@@ -99,6 +99,7 @@ def test_a_run_leaves_its_results_and_nothing_else(data: Path, tmp_path: Path) -
     assert report["model"]["registered"] == report["input"]["num_frames"] == 20
     assert [stage["name"] for stage in report["stages"]] == [
         "match",
+        "find movers",
         "verify and write database",
         "map",
     ]

@@ -66,7 +66,7 @@ PATCHES = (
     Patch(source=(0.5, 0.6), radius=(0.06, 0.05), start=(0.55, 0.80), step=(0.0, -0.010)),
 )
 """A wide one, a tall one and a small one, 4 to 7 px per frame at a height of 540 px; they cover
-10 % of a picture of 16:9."""
+5 % of a picture of 16:9."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
