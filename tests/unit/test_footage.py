@@ -5,7 +5,7 @@ from mvmatch.testing.fields import field_from_rows
 from mvmatch.tracks import TrackOptions, build_tracks
 
 BLOCKS = [[x, y, 8, 8] for y in range(0, 64, 8) for x in range(0, 128, 8)]
-RULES = TrackOptions(max_residual=None, cell=None)
+RULES = TrackOptions(max_error=None, max_drift=None, carry="translate", cell=None)
 LOGO = ([112, 0, 8, 8], [112, 8, 8, 8])
 
 
