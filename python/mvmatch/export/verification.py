@@ -1,9 +1,10 @@
 """Which matches of tracks are right: few pairs are estimated, tracks carry the verdict to the rest.
 
-A track that keeps to the camera's motion over ten frames also does in between. So a handful of
-pairs per frame gets an essential matrix, near ones and far ones, and every match of these is
-tested. A test covers the steps of a track from one frame to the other; what the farthest tests say
-about a step is its verdict, and the matches of all other pairs are judged by their steps.
+A track that keeps to the camera's motion over ten frames also does in between. So a few pairs per
+frame get an essential matrix, near ones and far ones, and every match of these is tested. A test
+covers the steps of a track from one frame to the other; what the farthest tests say about a step is
+its verdict, and the matches of all other pairs are judged by their steps.
+(docs/decisions/0009-tracks-carry-the-verdict.md)
 """
 
 from __future__ import annotations
@@ -116,7 +117,8 @@ def _by_tracks(
         for pair in chosen:
             fit = fits[pair[:2]] = _estimate(tracks, pair, camera, options)
             level = int(np.argmin(np.abs(gaps - (pair[1] - pair[0]))))
-            inliers = fit.inliers if fit.score.model is not None else None
+            believed = fit.score.inlier_ratio >= options.ransac.min_inlier_ratio
+            inliers = fit.inliers if believed else None
             verdicts.add(*_observations(tracks, pair), level=level, inliers=inliers)
 
     estimate(nearest_pairs(pairs, gaps))
@@ -213,8 +215,8 @@ class StepVerdicts:
         level : int
             Rank of the pair's gap; a higher one outvotes lower ones.
         inliers : (M,) bool or None
-            Matches that agree with the pair's geometry; None if none was found: that says nothing
-            about single matches.
+            Matches that agree with the pair's geometry; None if there is none to be believed: that
+            says nothing about single matches.
         """
         _cover(self._seen, first, second)
         if inliers is not None:
