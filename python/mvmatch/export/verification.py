@@ -117,8 +117,7 @@ def _by_tracks(
         for pair in chosen:
             fit = fits[pair[:2]] = _estimate(tracks, pair, camera, options)
             level = int(np.argmin(np.abs(gaps - (pair[1] - pair[0]))))
-            believed = fit.score.inlier_ratio >= options.ransac.min_inlier_ratio
-            inliers = fit.inliers if believed else None
+            inliers = fit.inliers if _is_believed(fit, options) else None
             verdicts.add(*_observations(tracks, pair), level=level, inliers=inliers)
 
     estimate(nearest_pairs(pairs, gaps))
@@ -130,12 +129,13 @@ def _by_tracks(
     for pair in pairs:
         frame0, frame1, matches = pair
         fit = fits.get((frame0, frame1))
-        if fit is not None:
-            inliers = fit.inliers
-        else:
+        if fit is None:
             inliers = _clear(wrong, *_observations(tracks, pair))
-            if np.count_nonzero(inliers) < options.ransac.min_num_inliers:
-                inliers = np.zeros(len(matches), np.bool_)
+            enough = np.count_nonzero(inliers) >= options.ransac.min_num_inliers
+        else:
+            inliers, enough = fit.inliers, _is_believed(fit, options)
+        if not enough:
+            inliers = np.zeros(len(matches), np.bool_)
         yield VerifiedPair(frame0=frame0, frame1=frame1, matches=matches, inliers=inliers, fit=fit)
 
 
@@ -152,6 +152,11 @@ def _estimate(
         options=options.ransac,
         max_sample=None if options.mode == "all" else options.max_sample,
     )
+
+
+def _is_believed(fit: PairGeometry, options: VerificationOptions) -> bool:
+    """Whether so many matches follow the geometry that RANSAC's trials were enough to find it."""
+    return fit.score.inlier_ratio >= options.ransac.min_inlier_ratio
 
 
 def nearest_pairs(pairs: Iterable[Pair], gaps: NDArray[np.int64]) -> list[Pair]:
