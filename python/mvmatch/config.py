@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
-from mvmatch.export.colmap import VerificationOptions
+from mvmatch.export.verification import VerificationOptions
 from mvmatch.footage import FootageOptions
 from mvmatch.geometry.movers import MoverOptions
 from mvmatch.sfm import MapperOptions

@@ -449,6 +449,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
             "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
             "matches_per_image": after.sum(axis=1).tolist(),
             "num_pairs": run.database.num_pairs,
+            "num_estimated_pairs": run.database.num_estimated_pairs,
             "num_verified_pairs": run.database.num_verified_pairs,
             "num_matches": run.database.num_matches,
             "num_inliers": run.database.num_inliers,
