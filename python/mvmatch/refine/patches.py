@@ -69,13 +69,16 @@ def deform_patches(
     """
     cv2 = opencv()
     number, side = len(patches), patches.shape[1]
-    grid = np.arange(-half, half + 1, dtype=np.float64)
-    steps = np.stack(np.meshgrid(grid, grid), axis=-1)
-    source = np.einsum("nij,yxj->nyxi", np.linalg.inv(deformation), steps)
-    source += offset[:, None, None]
-    limit = side // 2
-    source = np.clip(source, -limit, limit) + _centers(number, side)[:, None, None]
-    maps = [_join(source[..., axis].astype(np.float32)) for axis in range(2)]
+    step = np.arange(-half, half + 1, dtype=np.float32)
+    inverse = np.linalg.inv(deformation).astype(np.float32)[:, :, :, None, None]
+    centers = _centers(number, side).astype(np.float32)
+    limit = np.float32(side // 2)
+    maps: list[NDArray[np.float32]] = []
+    for axis in range(2):
+        source = inverse[:, axis, 0] * step[None, :] + inverse[:, axis, 1] * step[:, None]
+        source += offset[:, axis, None, None].astype(np.float32)
+        np.clip(source, -limit, limit, out=source)
+        maps.append(_join(source + centers[:, axis, None, None]))
     joined = cv2.remap(_join(patches), *maps, cv2.INTER_CUBIC)
     return _part(np.asarray(joined, np.uint8), number, 2 * half + 1)
 
