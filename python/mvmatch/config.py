@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import VerificationOptions
+from mvmatch.refine import RefineOptions
 from mvmatch.sfm import MapperOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
@@ -38,6 +39,8 @@ class RunOptions:
     """Frames or other video to AV1."""
     track: TrackOptions = field(default_factory=lambda: TrackOptions.preset("default"))
     """Motion to tracks."""
+    refine: RefineOptions = field(default_factory=RefineOptions)
+    """Tracks to tracks aligned to the pictures; off unless enabled."""
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)
