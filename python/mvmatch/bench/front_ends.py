@@ -61,7 +61,7 @@ class FrontEnd(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Vectors:
-    """Motion vectors of an AV1 encoder, chained to tracks, and aligned to the frames if asked to."""
+    """Motion vectors of an AV1 encoder, chained to tracks; aligned to the frames if asked to."""
 
     encode: EncodeOptions
     preset: str
