@@ -109,6 +109,19 @@ def test_each_anchor_hands_its_point_to_the_next(
     assert np.median(error) < 0.15
 
 
+def test_light_that_changes_is_not_taken_for_motion(
+    spiral: tuple[list[NDArray[np.uint8]], NDArray[np.float64]],
+) -> None:
+    pictures, paths = spiral
+    darker = [
+        (picture * 0.5 + 50 - 4 * frame).astype(np.uint8) for frame, picture in enumerate(pictures)
+    ]
+    truth = tracks_along(paths)
+    refined = refine_tracks(perturbed(truth, 0.4), darker, options=KEEP)
+    error = np.linalg.norm(refined.xy - truth.xy, axis=1)[truth.frame == 9]
+    assert np.median(error) < 0.15
+
+
 def test_a_point_on_a_flat_area_stays_as_it_was_or_ends() -> None:
     pictures = [np.full((64, 64), 90, np.uint8) for _ in range(4)]
     tracks = Tracks.from_lists([(f, 20.5 + 1.25 * f, 30.5) for f in range(4)])

@@ -112,7 +112,7 @@ def align_patches(
     cv2 = opencv()
     pixel, offset = split(guess)
     side = patches.shape[1]
-    before, after = _join(patches), _join(cut_patches(picture, pixel, side // 2))
+    after = _join(cut_patches(picture, pixel, side // 2))
     start = _centers(len(patches), side).astype(np.float32)
     expected = start + offset.astype(np.float32)
     settings: dict[str, Any] = {
@@ -122,15 +122,50 @@ def align_patches(
         "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
         "minEigThreshold": options.min_texture * _EIGENVALUE,
     }
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, expected.copy(), **settings)
-    return_to = there - offset.astype(np.float32)
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, there, return_to, **settings)
+
+    def follow(
+        first: NDArray[np.uint8],
+        second: NDArray[np.uint8],
+        origin: NDArray[np.float32],
+        target: NDArray[np.float32],
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, origin, target.copy(), **settings)
+        return np.asarray(moved, np.float32), found.ravel() == 1
+
+    def near(xy: NDArray[np.float32]) -> NDArray[np.bool_]:
+        return np.linalg.norm(xy - expected, axis=1) <= options.max_move
+
+    there, found = follow(_join(patches), after, start, expected)
+    there = np.where((found & near(there))[:, None], there, expected)
+    before = _join(_as_bright(patches, after, start, there, options.window))
+    there, found = follow(before, after, start, there)
+    back, returned = follow(after, before, there, there - offset.astype(np.float32))
     xy = pixel + 0.5 + (there - start).astype(np.float64)
-    trusted = (found.ravel() == 1) & (returned.ravel() == 1)
-    trusted &= np.linalg.norm(there - expected, axis=1) <= options.max_move
+    trusted = found & returned & near(there)
     trusted &= np.linalg.norm(back - start, axis=1) <= options.max_round_trip
     trusted &= ((xy >= 0) & (xy <= (picture.shape[1], picture.shape[0]))).all(axis=1)
     return Alignment(xy=xy, found=trusted)
+
+
+def _as_bright(
+    patches: NDArray[np.uint8],
+    joined: NDArray[np.uint8],
+    start: NDArray[np.float32],
+    there: NDArray[np.float32],
+    window: int,
+) -> NDArray[np.uint8]:
+    """Lift patches to the mean grey of the windows around ``there``.
+
+    Lucas-Kanade takes light for motion; cameras change exposure, surfaces change with the view.
+    Means are compared where a first alignment ended: at the guess they would pull points there.
+    """
+    cv2 = opencv()
+    means: list[NDArray[np.float32]] = []
+    for image, xy in ((_join(patches), start), (joined, there)):
+        blurred = cv2.blur(image.astype(np.float32), (window, window))
+        means.append(cv2.remap(blurred, xy[:, None, :], None, cv2.INTER_LINEAR).ravel())
+    lift = (means[1] - means[0])[:, None, None]
+    return np.clip(np.rint(patches + lift), 0, 255).astype(np.uint8)
 
 
 def _columns(number: int) -> int:
