@@ -101,6 +101,19 @@ def _value(text: str) -> Any:
         return text
 
 
+Refine = Annotated[
+    bool,
+    Parameter(negative="", help="Align tracks to the pictures: exacter and slower; needs OpenCV."),
+]
+
+
+def with_refinement(options: RunOptions, refine: bool) -> RunOptions:
+    """Return the options with the refinement on, if it was asked for."""
+    if not refine:
+        return options
+    return replace(options, refine=replace(options.refine, enabled=True))
+
+
 def with_encoder(options: RunOptions, encoder: Any) -> RunOptions:
     """Return the options with another encoder, if one was named."""
     if encoder is None:
