@@ -24,11 +24,12 @@ class TrackOptions:
     keep_zero: bool = True
     """Zero vectors are motion. The paper takes them for absent, since its reader cannot tell."""
     max_error: float | None = 0.3
-    """px; vectors whose expected (median) error is larger are not used; None: all are. Measured:
-    the share of points within 1 px of the truth rises on every sequence, over every frame gap."""
+    """px at rest; vectors whose expected (median) error is larger are not used; None: all are. A
+    vector of 20 px may be off by twice as much, and so on: near points move fast, and carry the
+    geometry. Measured: the share of points within 1 px of the truth rises on every sequence."""
     max_drift: float | None = 0.7
-    """px; a track ends where the errors of its steps add up to more, taken as independent; None:
-    tracks go on."""
+    """px at rest, likewise; a track ends where the errors of its steps, taken as independent, add
+    up to more; None: tracks go on."""
     num_neighbors: int = 12
     """Nearest blocks with the same reference that a vector is compared and fused with; 1 to 32."""
     carry: Carry = "fuse"

@@ -11,7 +11,7 @@ use crate::cover::Cover;
 use crate::extend::Extension;
 use crate::field::{Field, FieldError, center};
 use crate::filter::{FitOptions, LocalFit, fit_neighbors};
-use crate::motion::{Carry, Cosine, Follow, Motion};
+use crate::motion::{Carry, Cosine, Follow, Motion, length};
 use crate::tracks::Tracks;
 
 /// Rules of chaining.
@@ -21,10 +21,11 @@ pub struct LinkOptions {
     pub keep_zero: bool,
     /// How far off vectors are expected to be; without it they are all as good.
     pub error_model: Option<ErrorModel>,
-    /// Vectors with a larger median error than this, px, are not used.
+    /// Vectors with a larger median error than this, px at rest, are not used. What moves faster may
+    /// be off by more: near points move fast, and they carry the geometry.
     pub max_error: Option<f32>,
-    /// Tracks end where their accumulated error exceeds this, px: the errors of single steps are
-    /// taken as independent.
+    /// Tracks end where their accumulated error exceeds this, px at rest: the errors of single steps
+    /// are taken as independent.
     pub max_drift: Option<f32>,
     /// How neighbours are fitted, for `error_model` and `carry`.
     pub fit: FitOptions,
@@ -56,7 +57,7 @@ pub(crate) struct Layer {
     slopes: Vec<[f32; 4]>,
     /// Vectors less what the neighbours predict, px; empty when points are translated.
     parallaxes: Vec<[f32; 2]>,
-    /// Median errors, px; empty without a model.
+    /// Median errors, px at rest; empty without a model.
     errors: Vec<f32>,
 }
 
@@ -141,7 +142,7 @@ impl Linker {
         for (row, &vector) in field.vectors.iter().enumerate() {
             let fit = fits.get(row);
             let error = match (&options.error_model, fit) {
-                (Some(model), Some(fit)) => Some(model.median_error(fit, field.energy(row))),
+                (Some(model), Some(fit)) => Some(model.median_error(fit, field.energy(row)) / tolerance(vector)),
                 _ => None,
             };
             let agrees = options
@@ -210,4 +211,12 @@ fn seeds(layer: &Layer, cover: &Cover) -> Vec<[f32; 2]> {
         rows.sort_by(|&a, &b| layer.errors[a].total_cmp(&layer.errors[b]));
     }
     rows.iter().map(|&row| center(layer.block(row))).collect()
+}
+
+/// Motion that doubles the error a vector may have, px.
+const DOUBLING_MOTION: f32 = 20.0;
+
+/// How many times as far off as a vector at rest this one may be.
+fn tolerance(vector: [f32; 2]) -> f32 {
+    1.0 + length(vector) / DOUBLING_MOTION
 }

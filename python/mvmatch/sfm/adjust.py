@@ -11,6 +11,7 @@ model, and never before: refining it from the first pair on collapses such datab
 from __future__ import annotations
 
 import logging
+import math
 from typing import TYPE_CHECKING, Literal, cast
 
 if TYPE_CHECKING:
@@ -52,7 +53,8 @@ def adjust_known_camera(
     """Adjust a model whose camera was given, and correct the focal length if the model insists.
 
     A calibration is kept to the letter unless another focal length lowers the cost by a share of
-    ``options.min_focal_gain``: smaller gains also come from errors of the tracks. Changes below
+    ``options.min_focal_gain`` and takes away errors of ``options.min_focal_error``: smaller gains
+    also come from errors of the tracks, which lean the same way in all frames. Changes below
     ``options.focal_tolerance`` are not worth it, changes above ``options.max_focal_change`` are not
     believed.
 
@@ -67,12 +69,15 @@ def adjust_known_camera(
     free = pycolmap.Reconstruction(model)
     for camera in free.cameras.values():
         _tie_focal_lengths(camera)
-    gain = 1.0 - adjust(free, options, refine="focal length") / cost if cost > 0 else 0.0
+    saved = max(0.0, cost - adjust(free, options, refine="focal length"))
+    gain = saved / cost if cost > 0 else 0.0
+    error = math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
     change = focal_change(model, free)
     _logger.info(
-        "a focal length changed by %.2f %% lowers the cost by %.2f %%", 100 * change, 100 * gain
-    )
-    if gain < options.min_focal_gain:
+        "a focal length changed by %.2f %% lowers the cost by %.2f %%, errors by %.3f px",
+        100 * change, 100 * gain, error,
+    )  # fmt: skip
+    if gain < options.min_focal_gain or error < options.min_focal_error:
         return model
     if not options.focal_tolerance < change <= options.max_focal_change:
         return model

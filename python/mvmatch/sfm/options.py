@@ -28,6 +28,9 @@ class MapperOptions:
     min_focal_gain: float = 0.002
     """Share of the adjustment's cost that a corrected focal length must save (``auto``). Measured:
     0.0038 and more where the calibration is wrong, at most 0.001 where it is exact."""
+    min_focal_error: float = 0.01
+    """px; root mean square of the errors that it must take away (``auto``). Measured: 0.017 and
+    more where the calibration is wrong; 0.008 where it is exact and smoothed tracks lean."""
     focal_tolerance: float = 0.005
     """Relative change of a given focal length below which it is kept (``auto``)."""
     max_focal_change: float = 0.05
