@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import VerificationOptions
-from mvmatch.sfm import MapperOptions
+from mvmatch.sfm import DensifyOptions, MapperOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
@@ -42,6 +42,8 @@ class RunOptions:
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)
     """Database to model."""
+    densify: DensifyOptions = field(default_factory=DensifyOptions)
+    """Further tracks (``track.fill``) to points of the finished model."""
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:

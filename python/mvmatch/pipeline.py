@@ -17,7 +17,7 @@ from mvmatch.encode import EncodeResult, encode_video
 from mvmatch.errors import DataError, MvmatchError, NotAv1Error
 from mvmatch.export.colmap import write_database
 from mvmatch.measure import StageClock, peak_rss_mb
-from mvmatch.sfm import reconstruct
+from mvmatch.sfm import densify, reconstruct, write_model
 from mvmatch.sources import (
     FrameFacts,
     MotionSource,
@@ -28,7 +28,7 @@ from mvmatch.sources import (
     open_video,
 )
 from mvmatch.store import StoredMotion, TracksTable, is_table, write_tracks
-from mvmatch.tracks import TrackOptions, build_tracks
+from mvmatch.tracks import TrackOptions, chain_fields
 from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import ReconstructionResult
+    from mvmatch.sfm import DensifyOptions, DensifySummary, ReconstructionResult
 
 
 class Progress(Protocol):
@@ -52,6 +52,9 @@ class Match:
     """Tracks of a video and how the video was coded."""
 
     tracks: Tracks
+    """What is matched and mapped."""
+    further: Tracks
+    """Tracks of ``TrackOptions.fill``, which only make a model denser; none without."""
     info: VideoInfo
     """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
     frames: tuple[FrameFacts, ...]
@@ -62,6 +65,11 @@ class Match:
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
+
+    @property
+    def all_tracks(self) -> Tracks:
+        """The tracks and the further ones behind them."""
+        return Tracks.concatenate(self.tracks, self.further)
 
     @property
     def num_frames(self) -> int:
@@ -85,6 +93,8 @@ class Run:
     match: Match
     database: DatabaseSummary
     model: ReconstructionResult
+    dense: DensifySummary | None
+    """What became of the further tracks; None without any, and without a model."""
     camera: CameraChoice
     encoding: EncodeResult | None
     data: dict[str, Any]
@@ -134,16 +144,17 @@ def match_video(
     structure = ReferenceStructure()
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
-        tracks = build_tracks(reading, options=options)
+        tracks, further = chain_fields(reading, options=options)
         frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
         if num_frames < 2:
             raise reading.damage
-        tracks = _first_frames(tracks, num_frames)
+        tracks, further = (_first_frames(each, num_frames) for each in (tracks, further))
     _require_motion(video, frames, structure, num_frames)
     return Match(
         tracks=tracks,
+        further=further,
         info=dataclasses.replace(info, num_frames=num_frames),
         frames=frames,
         structure=structure,
@@ -203,7 +214,7 @@ def reconstruct_video(
         _require_tracks(video, match, options.track)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
-        table = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
+        table = TracksTable(tracks=match.all_tracks, info=match.info, image_names=names)
         database = staging / outputs.DATABASE
         _tell(progress, "verify")
         with clock.stage("verify and write database"):
@@ -214,16 +225,19 @@ def reconstruct_video(
                 image_names=names,
                 verification=options.verification,
                 max_gap=options.track.max_gap,
+                further=match.further,
             )
         write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
         _tell(progress, "map")
         with clock.stage("map"):
             model = reconstruct(database, staging / outputs.MODEL, options=options.mapper)
+        dense = _densified(model, match, options.densify, clock, progress)
         run = Run(
             out=out,
             match=match,
             database=summary,
             model=model,
+            dense=dense,
             camera=choice,
             encoding=encoding,
             data={},
@@ -232,6 +246,23 @@ def reconstruct_video(
         _write_report(staging, run.data)
         outputs.publish(staging, out)
     return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
+
+
+def _densified(
+    model: ReconstructionResult,
+    match: Match,
+    options: DensifyOptions,
+    clock: StageClock,
+    progress: Progress | None,
+) -> DensifySummary | None:
+    """Add the further tracks to an accepted model, and write it again."""
+    if model.path is None or model.reconstruction is None or not len(match.further):
+        return None
+    _tell(progress, "densify")
+    with clock.stage("densify"):
+        summary = densify(model.reconstruction, match.all_tracks, options=options)
+        write_model(model.reconstruction, model.path.parent)
+    return summary
 
 
 def _moved(run: Run, path: Path) -> Run:
@@ -377,6 +408,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
         "peak_rss_mb": peak_rss_mb(),
         "matches": {
             "num_tracks": len(tracks),
+            "num_further_tracks": len(match.further),
             "num_observations": len(tracks.frame),
             "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
             "max_track_length": int(lengths.max()) if len(lengths) else 0,
@@ -390,7 +422,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],
-        "model": outputs.describe_model(model, options.mapper),
+        "model": outputs.describe_model(model, options.mapper, run.dense),
         "damage": (
             None
             if match.damage is None

@@ -175,9 +175,9 @@ def track(
     with Ticker() as tell:
         match = match_video(clip, options=options, read=chosen.read, progress=tell)
         names = frame_names(match.num_frames)
-        stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
+        tracks = match.all_tracks
+        stored = TracksTable(tracks=tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))
-    tracks = match.tracks
     per_image = len(tracks.frame) / max(match.num_frames, 1)
     return Outcome(
         made=[table],
