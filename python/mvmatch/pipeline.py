@@ -16,7 +16,12 @@ from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode import EncodeResult, encode_video
 from mvmatch.errors import DataError, MvmatchError, NotAv1Error
 from mvmatch.export.colmap import write_database
+from mvmatch.export.masks import write_masks
+from mvmatch.footage import Footage, FootageObserver, FootageOptions
+from mvmatch.geometry.movers import track_weights
 from mvmatch.measure import StageClock, peak_rss_mb
+from mvmatch.opencv import require_opencv
+from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
 from mvmatch.sfm import densify, reconstruct, write_model
 from mvmatch.sources import (
     FrameFacts,
@@ -32,11 +37,13 @@ from mvmatch.tracks import TrackOptions, chain_fields
 from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import DensifyOptions, DensifySummary, ReconstructionResult
+    from mvmatch.sfm import DensifyOptions, DensifySummary, MapperOptions, ReconstructionResult
 
 
 class Progress(Protocol):
@@ -61,6 +68,8 @@ class Match:
     """Header facts in decode order."""
     structure: ReferenceStructure
     """Counts of vectors per reference distance and frame pair."""
+    footage: Footage
+    """Cuts, repeated pictures and static overlays; the tracks heed them."""
     damage: MvmatchError | None
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
@@ -79,7 +88,7 @@ class Match:
     @property
     def warnings(self) -> list[str]:
         """What makes matching hard, and damage, in sentences."""
-        found = self.structure.warnings(self.frames)
+        found = self.structure.warnings(self.frames) + self.footage.warnings()
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
         return [*skipped_warnings(self.skipped), *found]
@@ -97,6 +106,8 @@ class Run:
     """What became of the further tracks; None without any, and without a model."""
     camera: CameraChoice
     encoding: EncodeResult | None
+    weights: NDArray[np.float64] | None
+    """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
     data: dict[str, Any]
     """The report (docs/reference/report-schema.md)."""
 
@@ -105,6 +116,7 @@ def match_video(
     video: Path,
     *,
     options: TrackOptions | None = None,
+    footage: FootageOptions | None = None,
     read: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Match:
@@ -116,6 +128,8 @@ def match_video(
         An AV1 video, or a motion table that ``mvmatch extract`` wrote.
     options : TrackOptions, optional
         How vectors become tracks; the default preset without.
+    footage : FootageOptions, optional
+        What counts as a cut, a repeated picture and a static overlay.
     read : ReadOptions, optional
         What the stream may cost, what happens where it is damaged, and which layers of a scalable
         stream are read; see :func:`mvmatch.sources.open_video`.
@@ -141,10 +155,10 @@ def match_video(
         It is damaged before there are two pictures.
     """
     options = options or TrackOptions.preset("default")
-    structure = ReferenceStructure()
+    structure, observer = ReferenceStructure(), FootageObserver(footage)
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
-        tracks, further = chain_fields(reading, options=options)
+        tracks, further = chain_fields(observer.watch(reading), options=options)
         frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
@@ -152,15 +166,81 @@ def match_video(
             raise reading.damage
         tracks, further = (_first_frames(each, num_frames) for each in (tracks, further))
     _require_motion(video, frames, structure, num_frames)
+    tracks, found = observer.clean(tracks, min_length=options.min_length)
+    further, _ = observer.clean(further, min_length=options.min_length)
     return Match(
         tracks=tracks,
         further=further,
         info=dataclasses.replace(info, num_frames=num_frames),
         frames=frames,
         structure=structure,
+        footage=found,
         damage=reading.damage,
         skipped=skipped,
     )
+
+
+def refine_match(
+    match: Match,
+    pictures: Path,
+    *,
+    options: RefineOptions | None = None,
+    progress: Progress | None = None,
+) -> Match:
+    """Align the tracks of a video to its pictures.
+
+    Parameters
+    ----------
+    match : Match
+        Of :func:`match_video`.
+    pictures : Path
+        The video, or the video or folder of images it was encoded from.
+    options : RefineOptions, optional
+        See :func:`mvmatch.refine.refine_tracks`; ``enabled`` is not looked at.
+    progress : Progress, optional
+        Told after each picture.
+
+    Returns
+    -------
+    Match
+        With other tracks.
+
+    Raises
+    ------
+    MissingExtraError
+        OpenCV is not installed.
+    DataError
+        The pictures cannot be decoded, have another size than the video, or show something else;
+        or parts of the stream were skipped, so that nobody knows which picture is which.
+    """
+    if is_table(pictures):
+        message = f"{pictures} holds no pictures to refine with. Give the video itself"
+        raise DataError(message)
+    if match.skipped:
+        message = "tracks of a damaged stream that was read on cannot be refined. Do without"
+        raise DataError(message)
+    decoded = _pictures(match, pictures, _stage(progress, "refine"))
+    tracks = refine_tracks(match.tracks, decoded, options=options)
+    if len(match.tracks) and not len(tracks):
+        message = f"no track fits the pictures of {pictures}. Are they those of the video?"
+        raise DataError(message)
+    return dataclasses.replace(match, tracks=tracks)
+
+
+def _pictures(
+    match: Match, source: Path, tell: Callable[[int, int | None], None] | None
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pictures of a video in grey, of the size that its tracks are in."""
+    size = (match.info.width, match.info.height)
+    for number, picture in enumerate(gray_pictures(source, max_frames=match.num_frames), 1):
+        if picture.shape[::-1] != size:
+            message = "{} has pictures of {}x{} px, its tracks are in {}x{} px".format(
+                source, *picture.shape[::-1], *size
+            )
+            raise DataError(message)
+        yield picture
+        if tell is not None:
+            tell(number, match.num_frames)
 
 
 def reconstruct_video(
@@ -170,6 +250,7 @@ def reconstruct_video(
     camera: str | None = None,
     options: RunOptions | None = None,
     reencode: bool = False,
+    masks: bool = False,
     progress: Progress | None = None,
 ) -> Run:
     """Turn a video or a folder of frames into tracks, a COLMAP database, a model and a report.
@@ -187,6 +268,8 @@ def reconstruct_video(
         Options of all stages.
     reencode : bool
         Encode AV1 input anew instead of using it as it is.
+    masks : bool
+        Write a mask per picture: moving objects and static overlays black.
     progress : Progress, optional
         Told about all stages.
 
@@ -203,6 +286,8 @@ def reconstruct_video(
     """
     options = options or RunOptions()
     source, out = Path(source), Path(out)
+    if options.refine.enabled:
+        require_opencv("refinement", extra="refine")  # now rather than after the encoding
     clock = StageClock()
     with outputs.staging(out) as staging:
         with clock.stage("encode"):
@@ -210,16 +295,31 @@ def reconstruct_video(
         if encoding is None:
             clock.stages.clear()
         with clock.stage("match"):
-            match = match_video(video, options=options.track, read=options.read, progress=progress)
+            match = match_video(
+                video,
+                options=options.track,
+                footage=options.footage,
+                read=options.read,
+                progress=progress,
+            )
         _require_tracks(video, match, options.track)
+        if options.refine.enabled:
+            pictures = video if encoding is None else source
+            with clock.stage("refine"):
+                match = refine_match(match, pictures, options=options.refine, progress=progress)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
+        with clock.stage("find movers"):
+            weights = None
+            if masks or options.movers.exclude:
+                weights = track_weights(match.tracks, choice.camera, options=options.movers)
+        at_rest = _at_rest(match.tracks, weights, options)
         table = TracksTable(tracks=match.all_tracks, info=match.info, image_names=names)
         database = staging / outputs.DATABASE
         _tell(progress, "verify")
         with clock.stage("verify and write database"):
             summary = write_database(
-                match.tracks,
+                at_rest,
                 database,
                 camera=choice.camera,
                 image_names=names,
@@ -228,10 +328,25 @@ def reconstruct_video(
                 further=match.further,
             )
         write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
+        if masks and weights is not None:
+            with clock.stage("write masks"):
+                write_masks(
+                    match.tracks,
+                    weights < options.movers.min_weight,
+                    staging / outputs.MASKS,
+                    size=(match.info.width, match.info.height),
+                    image_names=names,
+                    overlays=match.footage.overlays,
+                )
         _tell(progress, "map")
         with clock.stage("map"):
-            model = reconstruct(database, staging / outputs.MODEL, options=options.mapper)
-        dense = _densified(model, match, options.densify, clock, progress)
+            mapper = _one_shot(options.mapper, match)
+            model = reconstruct(database, staging / outputs.MODEL, options=mapper)
+        dense = None
+        if len(match.further):
+            _tell(progress, "densify")
+            with clock.stage("densify"):
+                dense = _densified(model, at_rest, match.further, options.densify)
         run = Run(
             out=out,
             match=match,
@@ -240,6 +355,7 @@ def reconstruct_video(
             dense=dense,
             camera=choice,
             encoding=encoding,
+            weights=weights,
             data={},
         )
         run.data.update(_report_data(run, source, options, clock))
@@ -249,20 +365,33 @@ def reconstruct_video(
 
 
 def _densified(
-    model: ReconstructionResult,
-    match: Match,
-    options: DensifyOptions,
-    clock: StageClock,
-    progress: Progress | None,
+    model: ReconstructionResult, tracks: Tracks, further: Tracks, options: DensifyOptions
 ) -> DensifySummary | None:
     """Add the further tracks to an accepted model, and write it again."""
-    if model.path is None or model.reconstruction is None or not len(match.further):
+    if model.path is None or model.reconstruction is None:
         return None
-    _tell(progress, "densify")
-    with clock.stage("densify"):
-        summary = densify(model.reconstruction, match.all_tracks, options=options)
-        write_model(model.reconstruction, model.path.parent)
+    summary = densify(model.reconstruction, Tracks.concatenate(tracks, further), options=options)
+    write_model(model.reconstruction, model.path.parent)
     return summary
+
+
+def _one_shot(options: MapperOptions, match: Match) -> MapperOptions:
+    """Ask of the model that it holds the longest shot: across cuts nothing links the images."""
+    share = match.footage.longest_shot(match.num_frames) / match.num_frames
+    acceptance = options.acceptance
+    acceptance = dataclasses.replace(
+        acceptance,
+        min_registered=share * acceptance.min_registered,
+        min_observations=share * acceptance.min_observations,
+    )
+    return dataclasses.replace(options, acceptance=acceptance)
+
+
+def _at_rest(tracks: Tracks, weights: NDArray[np.float64] | None, options: RunOptions) -> Tracks:
+    """Tracks that go into the database."""
+    if weights is None or not options.movers.exclude:
+        return tracks
+    return tracks.select(weights >= options.movers.min_weight)
 
 
 def _moved(run: Run, path: Path) -> Run:
@@ -388,9 +517,16 @@ def _write_report(folder: Path, data: dict[str, Any]) -> None:
     write_report(folder, data)
 
 
+def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[str, Any]:
+    return {
+        "num_tracks": int(np.sum(weights < options.movers.min_weight)),
+        "excluded": options.movers.exclude,
+    }
+
+
 def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock) -> dict[str, Any]:
     match, model = run.match, run.model
-    tracks = match.tracks
+    tracks = _at_rest(match.tracks, run.weights, options)
     after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
     lengths = np.diff(tracks.offsets)
     warnings = [
@@ -415,10 +551,13 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
             "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
             "matches_per_image": after.sum(axis=1).tolist(),
             "num_pairs": run.database.num_pairs,
+            "num_estimated_pairs": run.database.num_estimated_pairs,
             "num_verified_pairs": run.database.num_verified_pairs,
             "num_matches": run.database.num_matches,
             "num_inliers": run.database.num_inliers,
         },
+        "footage": match.footage.summary(),
+        "movers": None if run.weights is None else _describe_movers(run.weights, options),
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],

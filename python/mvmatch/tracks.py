@@ -94,7 +94,7 @@ class TrackOptions:
         """Return a named set of rules.
 
         ``default`` is what measured best. ``dense`` maps the same tracks and then adds many more
-        points to the model. ``fast`` has fewer tracks and pairs. ``paper`` keeps to the rules of
+        points to the model. ``fast`` maps fewer tracks. ``paper`` keeps to the rules of
         Zouein et al. 2025 to the letter: block centres start tracks, no zero vectors, cosine test
         with epsilon 0.1 on every step, length of at least 3, every pair on a track, nothing
         thinned.
@@ -112,7 +112,7 @@ class TrackOptions:
         presets: dict[str, dict[str, Any]] = {
             "default": {},
             "dense": {"fill": 2},
-            "fast": {"max_keypoints_per_image": 1000, "max_gap": 6},
+            "fast": {"max_keypoints_per_image": 500},
             "paper": {
                 "keep_zero": False,
                 "max_error": None,

@@ -99,6 +99,39 @@ def test_a_run_leaves_its_results_and_nothing_else(data: Path, tmp_path: Path) -
     assert report["model"]["registered"] == report["input"]["num_frames"] == 20
     assert [stage["name"] for stage in report["stages"]] == [
         "match",
+        "find movers",
         "verify and write database",
         "map",
     ]
+
+
+def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Path) -> None:
+    words = ["run", str(data / "drive.ivf"), "-o", str(tmp_path), "--camera", DRIVE_CAMERA]
+    assert main([*words, "--masks"]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    names = [f"frame_{frame:06d}.png.png" for frame in range(report["input"]["num_frames"])]
+    assert sorted(path.name for path in (tmp_path / "masks").iterdir()) == names
+    assert report["movers"]["num_tracks"] < 0.02 * report["matches"]["num_tracks"]
+    assert report["footage"]["cuts"] == report["footage"]["repeats"] == []
+    assert main(words) == 0
+    assert not (tmp_path / "masks").exists()
+
+
+def test_a_dense_run_has_the_poses_of_a_default_run_and_many_more_points(
+    data: Path, tmp_path: Path
+) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    words = ["run", str(data / "drive.ivf"), "--camera", DRIVE_CAMERA]
+    models = {}
+    for preset in ("default", "dense"):
+        out = tmp_path / preset
+        assert main([*words, "--preset", preset, "-o", str(out)]) == 0
+        models[preset] = pycolmap.Reconstruction(out / "sparse" / "0")
+    report = json.loads((tmp_path / "dense" / "report.json").read_text())
+    dense = report["model"]["dense"]
+    assert report["model"]["num_points"] == models["default"].num_points3D()
+    assert dense["num_points"] == models["dense"].num_points3D()
+    assert dense["num_points"] > 3 * report["model"]["num_points"]
+    for image_id in models["default"].reg_image_ids():
+        poses = [each.image(image_id).cam_from_world().matrix() for each in models.values()]
+        np.testing.assert_array_equal(*poses)

@@ -10,7 +10,16 @@ from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, look_at, model_figures, with_mapper
-from mvmatch.cli.settings import ExistingPath, Json, Output, Settings, UsageError, with_encoder
+from mvmatch.cli.settings import (
+    ExistingPath,
+    Json,
+    Output,
+    Refine,
+    Settings,
+    UsageError,
+    with_encoder,
+    with_refinement,
+)
 from mvmatch.encode import EncoderName
 
 if TYPE_CHECKING:
@@ -25,7 +34,9 @@ def run(
     camera: Camera = None,
     encoder: EncoderName | None = None,
     mapper: Mapper = None,
+    refine: Refine = False,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
+    masks: Annotated[bool, Parameter(negative="")] = False,
     print_config: Annotated[bool, Parameter(negative="")] = False,
     settings: Settings | None = None,
     json: Json = False,
@@ -42,11 +53,13 @@ def run(
         svt (always there), libaom, nvenc, qsv or vaapi; see `mvmatch encoders`.
     re_encode
         Encode AV1 input anew too.
+    masks
+        Write masks for COLMAP: moving objects and static overlays black.
     print_config
         Only print the effective options as TOML.
     """
     options = with_encoder((settings or Settings()).options(), encoder)
-    options = with_mapper(options, mapper)
+    options = with_mapper(with_refinement(options, refine), mapper)
     if print_config:
         from mvmatch.config import to_toml
 
@@ -57,7 +70,13 @@ def run(
 
     with Ticker() as tell:
         made = reconstruct_video(
-            source, out, camera=camera, options=options, reencode=re_encode, progress=tell
+            source,
+            out,
+            camera=camera,
+            options=options,
+            reencode=re_encode,
+            masks=masks,
+            progress=tell,
         )
     return run_outcome(made)
 
@@ -80,13 +99,14 @@ def run_outcome(made: Run) -> Outcome:
     return Outcome(
         made=[
             made.out / name
-            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.PAGE)
-            if name != f"{outputs.MODEL}/0" or made.model.path is not None
+            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.MASKS, outputs.PAGE)
+            if (made.out / name).exists()
         ],
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
             f"{made.match.info.height} px; camera: {made.camera.source}",
-            "tracks": f"{len(made.match.tracks):,}; {made.database.num_inliers:,} matches in "
+            "tracks": f"{len(made.match.tracks):,}{_moving(made)}; "
+            f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
             **model_figures(made.model),
             **({} if made.dense is None else {"dense": f"{made.dense.num_points:,} points"}),
@@ -108,6 +128,14 @@ def _images(made: Run) -> Path:
     """Return where the pictures are, as far as they are files."""
     facts: dict[str, Any] = made.data["input"]
     return Path(facts["path"]) if facts["kind"] == "frames" else made.out
+
+
+def _moving(made: Run) -> str:
+    """Return how many tracks are on moving objects, where that was looked for."""
+    facts: dict[str, Any] | None = made.data["movers"]
+    if not facts or not facts["num_tracks"]:
+        return ""
+    return f", {facts['num_tracks']:,} of them moving{', left out' * facts['excluded']}"
 
 
 def _partial(made: Run) -> str | None:
