@@ -1,6 +1,6 @@
 """More points for a finished model: further tracks are triangulated, poses and cameras stay.
 
-A mapper on every track there is would be slow and no more accurate: poses need a few thousand good
+A mapper on every track there is would be slow and no more accurate: poses need a few hundred good
 points per image. What dense points are for (splatting, meshes) needs the poses only.
 """
 
