@@ -145,8 +145,16 @@ class TrackLinker:
         min_length: int,
     ) -> TrackLinker: ...
     def push(self, columns: MotionField) -> None: ...
-    def finish(self) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
-        """Offsets (T + 1,), frame (O,) and xy (O, 2) px; the linker cannot be used again."""
+    def finish(
+        self, *, fill: int | None = None
+    ) -> tuple[
+        tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]],
+        tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]],
+    ]:
+        """Tracks, and further ones in free cells of ``fill`` px; the linker cannot be used again.
+
+        Each are offsets (T + 1,), frame (O,) and xy (O, 2) px.
+        """
 
 def fit_neighbors(
     columns: MotionField, *, num_neighbors: int = 12

@@ -19,7 +19,7 @@ from mvmatch.export.verification import VerificationOptions
 from mvmatch.footage import FootageOptions
 from mvmatch.geometry.movers import MoverOptions
 from mvmatch.refine import RefineOptions
-from mvmatch.sfm import MapperOptions
+from mvmatch.sfm import DensifyOptions, MapperOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
@@ -51,6 +51,8 @@ class RunOptions:
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)
     """Database to model."""
+    densify: DensifyOptions = field(default_factory=DensifyOptions)
+    """Further tracks (``track.fill``) to points of the finished model."""
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:

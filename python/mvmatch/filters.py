@@ -7,7 +7,7 @@ applies the same rules while it chains; these are for use on their own.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from mvmatch.types import MotionField, Tracks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+
+PATCH = 64
+"""px; side of the squares over which :func:`budget` spreads the tracks."""
 
 
 def drop_zero(field: MotionField) -> MotionField:
@@ -124,6 +128,80 @@ def thin(tracks: Tracks, *, cell: int = 8) -> Tracks:
             taken.update(own)
             keep[track] = True
     return tracks.select(keep)
+
+
+def budget(tracks: Tracks, *, max_keypoints: int, size: tuple[int, int]) -> Tracks:
+    """Keep at most ``max_keypoints`` observations per frame, spread over the picture.
+
+    Tracks are kept or removed as a whole. The picture is divided into squares of :data:`PATCH` px.
+    Tracks are ranked in each patch they pass, the longest first; those with the best mean rank are
+    kept first, so every patch gives its best track before any gives its second, and what empty
+    patches do not need goes to the others. Length times the way travelled was measured, and
+    leads to trajectories that are no better.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        Any tracks.
+    max_keypoints : int
+        Observations per frame, at least 1; no frame has more.
+    size : (int, int)
+        Width and height of the picture, px.
+
+    Returns
+    -------
+    Tracks
+        A subset of the tracks, in their order.
+    """
+    return tracks.select(within_budget(tracks, max_keypoints=max_keypoints, size=size))
+
+
+def within_budget(
+    tracks: Tracks, *, max_keypoints: int, size: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """(T,) tracks that :func:`budget` keeps."""
+    columns, lines = (-(-side // PATCH) for side in size)
+    column, line = np.floor_divide(tracks.xy, PATCH).astype(np.int64).T
+    patch = np.clip(line, 0, lines - 1) * columns + np.clip(column, 0, columns - 1)
+    frame = tracks.frame.astype(np.int64)
+    rank = _ranks(frame * (columns * lines) + patch, -tracks.lengths[tracks.track_index])
+    rank = np.bincount(tracks.track_index, rank, minlength=len(tracks)) / tracks.lengths
+    return _first_that_fit(tracks, rank, max_keypoints)
+
+
+def _first_that_fit(
+    tracks: Tracks, rank: NDArray[np.float64], max_keypoints: int
+) -> NDArray[np.bool_]:
+    """(T,) what is kept when tracks come in the order of rank and each needs room in its frames.
+
+    The same as one after the other, but in a few rounds over all: a track is kept once it would fit
+    even if all before it did.
+    """
+    keep = np.zeros(len(tracks), np.bool_)
+    room = np.full(tracks.num_frames, max_keypoints, np.int64)
+    place = np.empty(len(tracks), np.int64)
+    place[np.argsort(rank, kind="stable")] = np.arange(len(tracks))
+    rows = np.arange(tracks.num_observations)
+    while len(rows):
+        frame, track = tracks.frame[rows], tracks.track_index[rows]
+        late = np.bincount(track, _ranks(frame, place[track]) >= room[frame], len(tracks)) > 0
+        fits = ~late[track]
+        keep[track[fits]] = True
+        room -= np.bincount(frame[fits], minlength=len(room))
+        blocked = np.bincount(track, room[frame] == 0, len(tracks)) > 0
+        rows = rows[~fits & ~blocked[track]]
+    return keep
+
+
+def _ranks(group: NDArray[np.integer[Any]], key: NDArray[Any]) -> NDArray[np.int64]:
+    """(N,) position of each entry in its group, by rising key; earlier entries first on a tie."""
+    order = np.lexsort((key, group))
+    ordered = group[order]
+    starts = np.flatnonzero(np.diff(ordered, prepend=-1))
+    ranks = np.empty(len(order), np.int64)
+    lengths = np.diff(starts, append=len(order))
+    ranks[order] = np.arange(len(order)) - np.repeat(starts, lengths)
+    return ranks
 
 
 def _from_last(tracks: Tracks, stop: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
-    from mvmatch.sfm import MapperOptions, ReconstructionResult
+    from mvmatch.sfm import DensifySummary, MapperOptions, ReconstructionResult
     from mvmatch.types import VideoInfo
 
 VIDEO = "encoded.ivf"
@@ -152,7 +152,9 @@ def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[s
     ]
 
 
-def describe_model(model: ReconstructionResult, options: MapperOptions) -> dict[str, Any]:
+def describe_model(
+    model: ReconstructionResult, options: MapperOptions, dense: DensifySummary | None
+) -> dict[str, Any]:
     """Return the key ``model`` of the report."""
     return {
         "mapper": options.mapper,
@@ -161,6 +163,7 @@ def describe_model(model: ReconstructionResult, options: MapperOptions) -> dict[
         "registered": model.registered,
         "total": model.total,
         "num_points": model.num_points,
+        "dense": None if dense is None else dataclasses.asdict(dense),
         "mean_reprojection_error": model.mean_reprojection_error,
         "mean_track_length": model.mean_track_length,
         "attempts": [dataclasses.asdict(attempt) for attempt in model.attempts],

@@ -22,7 +22,7 @@ from mvmatch.geometry.movers import track_weights
 from mvmatch.measure import StageClock, peak_rss_mb
 from mvmatch.opencv import require_opencv
 from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
-from mvmatch.sfm import reconstruct
+from mvmatch.sfm import densify, reconstruct, write_model
 from mvmatch.sources import (
     FrameFacts,
     MotionSource,
@@ -33,7 +33,7 @@ from mvmatch.sources import (
     open_video,
 )
 from mvmatch.store import StoredMotion, TracksTable, is_table, write_tracks
-from mvmatch.tracks import TrackOptions, build_tracks
+from mvmatch.tracks import TrackOptions, chain_fields
 from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import MapperOptions, ReconstructionResult
+    from mvmatch.sfm import DensifyOptions, DensifySummary, MapperOptions, ReconstructionResult
 
 
 class Progress(Protocol):
@@ -59,6 +59,9 @@ class Match:
     """Tracks of a video and how the video was coded."""
 
     tracks: Tracks
+    """What is matched and mapped."""
+    further: Tracks
+    """Tracks of ``TrackOptions.fill``, which only make a model denser; none without."""
     info: VideoInfo
     """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
     frames: tuple[FrameFacts, ...]
@@ -71,6 +74,11 @@ class Match:
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
+
+    @property
+    def all_tracks(self) -> Tracks:
+        """The tracks and the further ones behind them."""
+        return Tracks.concatenate(self.tracks, self.further)
 
     @property
     def num_frames(self) -> int:
@@ -94,6 +102,8 @@ class Run:
     match: Match
     database: DatabaseSummary
     model: ReconstructionResult
+    dense: DensifySummary | None
+    """What became of the further tracks; None without any, and without a model."""
     camera: CameraChoice
     encoding: EncodeResult | None
     weights: NDArray[np.float64] | None
@@ -148,17 +158,19 @@ def match_video(
     structure, observer = ReferenceStructure(), FootageObserver(footage)
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
-        tracks = build_tracks(observer.watch(reading), options=options)
+        tracks, further = chain_fields(observer.watch(reading), options=options)
         frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
         if num_frames < 2:
             raise reading.damage
-        tracks = _first_frames(tracks, num_frames)
+        tracks, further = (_first_frames(each, num_frames) for each in (tracks, further))
     _require_motion(video, frames, structure, num_frames)
     tracks, found = observer.clean(tracks, min_length=options.min_length)
+    further, _ = observer.clean(further, min_length=options.min_length)
     return Match(
         tracks=tracks,
+        further=further,
         info=dataclasses.replace(info, num_frames=num_frames),
         frames=frames,
         structure=structure,
@@ -302,7 +314,7 @@ def reconstruct_video(
             if masks or options.movers.exclude:
                 weights = track_weights(match.tracks, choice.camera, options=options.movers)
         at_rest = _at_rest(match.tracks, weights, options)
-        table = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
+        table = TracksTable(tracks=match.all_tracks, info=match.info, image_names=names)
         database = staging / outputs.DATABASE
         _tell(progress, "verify")
         with clock.stage("verify and write database"):
@@ -313,6 +325,7 @@ def reconstruct_video(
                 image_names=names,
                 verification=options.verification,
                 max_gap=options.track.max_gap,
+                further=match.further,
             )
         write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
         if masks and weights is not None:
@@ -329,11 +342,17 @@ def reconstruct_video(
         with clock.stage("map"):
             mapper = _one_shot(options.mapper, match)
             model = reconstruct(database, staging / outputs.MODEL, options=mapper)
+        dense = None
+        if len(match.further):
+            _tell(progress, "densify")
+            with clock.stage("densify"):
+                dense = _densified(model, at_rest, match.further, options.densify)
         run = Run(
             out=out,
             match=match,
             database=summary,
             model=model,
+            dense=dense,
             camera=choice,
             encoding=encoding,
             weights=weights,
@@ -343,6 +362,17 @@ def reconstruct_video(
         _write_report(staging, run.data)
         outputs.publish(staging, out)
     return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
+
+
+def _densified(
+    model: ReconstructionResult, tracks: Tracks, further: Tracks, options: DensifyOptions
+) -> DensifySummary | None:
+    """Add the further tracks to an accepted model, and write it again."""
+    if model.path is None or model.reconstruction is None:
+        return None
+    summary = densify(model.reconstruction, Tracks.concatenate(tracks, further), options=options)
+    write_model(model.reconstruction, model.path.parent)
+    return summary
 
 
 def _one_shot(options: MapperOptions, match: Match) -> MapperOptions:
@@ -514,6 +544,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
         "peak_rss_mb": peak_rss_mb(),
         "matches": {
             "num_tracks": len(tracks),
+            "num_further_tracks": len(match.further),
             "num_observations": len(tracks.frame),
             "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
             "max_track_length": int(lengths.max()) if len(lengths) else 0,
@@ -530,7 +561,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],
-        "model": outputs.describe_model(model, options.mapper),
+        "model": outputs.describe_model(model, options.mapper, run.dense),
         "damage": (
             None
             if match.damage is None

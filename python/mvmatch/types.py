@@ -209,6 +209,18 @@ class Tracks:
             xy=rows[:, 1:].astype(np.float32),
         )
 
+    @classmethod
+    def concatenate(cls, *parts: Tracks) -> Tracks:
+        """Tracks of all parts, in their order; the first part's keypoints keep their numbers."""
+        import numpy as np
+
+        ends = np.concatenate([part.lengths for part in parts]).cumsum()
+        return cls(
+            offsets=np.concatenate(([0], ends)).astype(np.int64),
+            frame=np.concatenate([part.frame for part in parts]),
+            xy=np.concatenate([part.xy for part in parts]),
+        )
+
     def __len__(self) -> int:
         return len(self.offsets) - 1
 

@@ -115,3 +115,23 @@ def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Pa
     assert report["footage"]["cuts"] == report["footage"]["repeats"] == []
     assert main(words) == 0
     assert not (tmp_path / "masks").exists()
+
+
+def test_a_dense_run_has_the_poses_of_a_default_run_and_many_more_points(
+    data: Path, tmp_path: Path
+) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    words = ["run", str(data / "drive.ivf"), "--camera", DRIVE_CAMERA]
+    models = {}
+    for preset in ("default", "dense"):
+        out = tmp_path / preset
+        assert main([*words, "--preset", preset, "-o", str(out)]) == 0
+        models[preset] = pycolmap.Reconstruction(out / "sparse" / "0")
+    report = json.loads((tmp_path / "dense" / "report.json").read_text())
+    dense = report["model"]["dense"]
+    assert report["model"]["num_points"] == models["default"].num_points3D()
+    assert dense["num_points"] == models["dense"].num_points3D()
+    assert dense["num_points"] > 3 * report["model"]["num_points"]
+    for image_id in models["default"].reg_image_ids():
+        poses = [each.image(image_id).cam_from_world().matrix() for each in models.values()]
+        np.testing.assert_array_equal(*poses)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("preset", ["default", "dense", "fast", "paper"])
 def test_options_survive_the_way_through_toml(tmp_path: Path, preset: str) -> None:
     options = RunOptions(track=TrackOptions.preset(preset))
     path = tmp_path / "run.toml"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from mvmatch.filters import (
+    budget,
     cosine_consistency,
     drop_uncertain,
     drop_zero,
@@ -74,3 +76,59 @@ def test_thinning_keeps_the_longest_track_of_a_cell():
     kept = thin(Tracks.from_lists(short, long, elsewhere), cell=8)
     assert kept.lengths.tolist() == [3, 2]
     assert kept.xy[0].tolist() == [3.0, 3.0]
+
+
+def random_tracks(count: int, *, seed: int = 0) -> Tracks:
+    """Tracks of 3 to 12 of 20 frames in a picture of 640x320 px, most of them on its left."""
+    generator = np.random.default_rng(seed)
+    lists: list[list[tuple[int, float, float]]] = []
+    for _ in range(count):
+        start, length = generator.integers(0, 9), generator.integers(3, 13)
+        x, y = 320 * generator.random() ** 3, 320 * generator.random()
+        x += 320 * (generator.random() < 0.1)
+        lists.append([(int(start + k), x, y) for k in range(length)])
+    return Tracks.from_lists(*lists)
+
+
+@pytest.mark.parametrize("max_keypoints", [1, 37, 200])
+def test_a_budget_is_never_exceeded_in_any_frame_and_is_used(max_keypoints):
+    tracks = random_tracks(3000)
+    counts = np.bincount(budget(tracks, max_keypoints=max_keypoints, size=(640, 320)).frame)
+    assert counts.max() <= max_keypoints
+    assert counts.max() == max_keypoints
+
+
+def test_a_budget_that_is_large_enough_removes_nothing():
+    tracks = random_tracks(300)
+    most = int(np.bincount(tracks.frame).max())
+    assert len(budget(tracks, max_keypoints=most, size=(640, 320))) == len(tracks)
+
+
+def test_a_budget_leaves_points_in_every_patch_that_had_some():
+    tracks = random_tracks(3000)
+    kept = budget(tracks, max_keypoints=150, size=(640, 320))
+    patches = [
+        {tuple(p) for p in np.floor(t.keypoints(10) / 64).astype(int).tolist()}
+        for t in (tracks, kept)
+    ]
+    assert len(patches[1]) >= 0.9 * len(patches[0])
+    share = [np.mean(t.keypoints(10)[:, 0] > 320) for t in (tracks, kept)]
+    assert share[1] > 2 * share[0]
+
+
+def test_a_budget_keeps_the_longest_track_of_a_patch():
+    short = [(f, 10.0, 10.0) for f in range(3)]
+    long = [(f, 12.0, 12.0) for f in range(9)]
+    kept = budget(Tracks.from_lists(short, long), max_keypoints=1, size=(64, 64))
+    assert kept.lengths.tolist() == [9]
+
+
+def test_a_budget_takes_what_fits_one_after_the_other():
+    tracks = random_tracks(400, seed=3)
+    kept = budget(tracks, max_keypoints=40, size=(640, 320))
+    room = 40 - np.bincount(kept.frame, minlength=tracks.num_frames)
+    chosen = {tuple(xy) for xy in kept.xy.tolist()}
+    for track in range(len(tracks)):
+        rows = slice(tracks.offsets[track], tracks.offsets[track + 1])
+        taken = tuple(tracks.xy[rows][0].tolist()) in chosen
+        assert taken or room[tracks.frame[rows]].min() == 0, "it would have fitted"

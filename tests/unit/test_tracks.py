@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mvmatch.testing.fields import field_from_rows
-from mvmatch.tracks import TrackOptions, build_tracks
+from mvmatch.tracks import TrackOptions, build_tracks, chain_fields
+from mvmatch.types import Tracks
 
 PLAIN = TrackOptions(
     max_error=None, max_drift=None, carry="translate", epsilon=None, cell=None, extend=False
@@ -162,5 +163,37 @@ def test_options_out_of_range_are_refused_by_name(option, value):
 
 
 def test_an_unknown_preset_is_answered_with_the_known_ones():
-    with pytest.raises(ValueError, match="default, paper"):
-        TrackOptions.preset("fast")
+    with pytest.raises(ValueError, match="default, dense, fast, paper"):
+        TrackOptions.preset("slow")
+
+
+def test_filling_changes_no_track_and_uses_cells_that_are_free():
+    fields = translating(6, (1.5, 0.25))
+    plain = build_tracks(fields)
+    tracks, further = chain_fields(fields, options=TrackOptions(fill=2))
+    np.testing.assert_array_equal(tracks.xy, plain.xy)
+    np.testing.assert_array_equal(tracks.offsets, plain.offsets)
+    assert len(further) > 2 * len(tracks)
+    both = Tracks.concatenate(tracks, further)
+    cells = np.column_stack([both.frame, np.floor(both.xy / 2)])[len(tracks.frame) :]
+    taken = np.column_stack([tracks.frame, np.floor(tracks.xy / 2)])
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    assert not {tuple(c) for c in cells.tolist()} & {tuple(c) for c in taken.tolist()}
+
+
+def test_filling_starts_no_track_where_no_usable_block_is():
+    block = [0, 0, 32, 32]
+    rows = ([], [(block, (0.0, 0.0), 0)], [(block, (0.0, 0.0), 1)])
+    fields = [field_from_rows(frame, each) for frame, each in enumerate(rows)]
+    tracks = build_tracks(fields, options=replace(PLAIN, cell=8, fill=4))
+    assert len(tracks) == 64
+    assert tracks.xy.max() < 32
+
+
+def test_the_cap_holds_in_every_frame_and_what_it_removes_still_fills():
+    fields = translating(6, (1.5, 0.25))
+    tracks, _ = chain_fields(fields, options=TrackOptions(max_keypoints_per_image=10))
+    assert np.bincount(tracks.frame).max() <= 10
+    capped = TrackOptions(max_keypoints_per_image=10, fill=8)
+    _, further = chain_fields(fields, options=capped)
+    assert len(tracks) + len(further) >= len(build_tracks(fields))

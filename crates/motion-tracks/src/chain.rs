@@ -49,12 +49,18 @@ pub(crate) struct Chain {
     pending: BTreeMap<i32, Vec<Head>>,
     /// Cells taken in frames that come up once more.
     taken: BTreeMap<i32, Vec<bool>>,
+    /// Points of other tracks whose cells are not to be used, by frame.
+    occupied: Occupied,
 }
 
+/// Points by display index.
+pub(crate) type Occupied = BTreeMap<i32, Vec<[f32; 2]>>;
+
 impl Chain {
-    pub(crate) fn new(options: LinkOptions) -> Self {
+    pub(crate) fn new(options: LinkOptions, occupied: Occupied) -> Self {
         Self {
             options,
+            occupied,
             observations: Vec::new(),
             previous: Vec::new(),
             growth: Vec::new(),
@@ -66,7 +72,7 @@ impl Chain {
     /// Handles one coded frame; `again` tells that one decoded earlier has the same display index.
     pub(crate) fn visit(&mut self, layer: &Layer, cover: &Cover, seeds: &[[f32; 2]], again: bool) {
         let arrivals = self.pending.remove(&layer.frame).unwrap_or_default();
-        let mut cells = Cells::new(self.options.cell, layer.width, layer.height);
+        let mut cells = self.cells(layer.frame, layer.width, layer.height);
         if let Some(taken) = self.taken.remove(&layer.frame) {
             cells.taken = taken;
         }
@@ -80,6 +86,15 @@ impl Chain {
         if again {
             self.taken.insert(layer.frame, cells.taken);
         }
+    }
+
+    /// The cells of a frame that are free of other tracks.
+    pub(crate) fn cells(&self, frame: i32, width: u32, height: u32) -> Cells {
+        let mut cells = Cells::new(self.options.cell, width, height);
+        for &xy in self.occupied.get(&frame).into_iter().flatten() {
+            cells.claim(xy);
+        }
+        cells
     }
 
     /// Turns arrivals into observations: in every free cell the longest track, then the older one.
@@ -230,7 +245,7 @@ impl Chain {
     /// Settles the points that wait for frames that never came, newest frame first.
     pub(crate) fn settle_rest(&mut self, width: u32, height: u32) {
         while let Some((frame, arrivals)) = self.pending.pop_last() {
-            let mut cells = Cells::new(self.options.cell, width, height);
+            let mut cells = self.cells(frame, width, height);
             self.settle(frame, arrivals, &mut cells);
         }
     }
@@ -296,7 +311,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    pub(crate) fn new(side: Option<u32>, width: u32, height: u32) -> Self {
+    fn new(side: Option<u32>, width: u32, height: u32) -> Self {
         let side = side.map(|side| side.max(1));
         let count = side.map_or(0, |side| {
             width.div_ceil(side) as usize * height.div_ceil(side) as usize
@@ -307,6 +322,19 @@ impl Cells {
             height,
             taken: vec![false; count],
         }
+    }
+
+    /// Middles of all cells inside the picture, line by line.
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "pictures are at most 2^16 px wide and high"
+    )]
+    pub(crate) fn middles(side: u32, width: u32, height: u32) -> impl Iterator<Item = [f32; 2]> {
+        let half = side as f32 / 2.0;
+        (0..height.div_ceil(side)).flat_map(move |line| {
+            (0..width.div_ceil(side))
+                .map(move |column| [(column * side) as f32 + half, (line * side) as f32 + half])
+        })
     }
 
     pub(crate) fn contains(&self, xy: [f32; 2]) -> bool {

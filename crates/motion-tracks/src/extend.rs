@@ -44,7 +44,7 @@ impl Extension {
 
     /// Handles one coded frame; all frames are visited in decode order.
     pub(crate) fn visit(&mut self, layer: &Layer) {
-        let mut cells = Cells::new(self.chain.options.cell, layer.width, layer.height);
+        let mut cells = self.chain.cells(layer.frame, layer.width, layer.height);
         for point in self.points.get(&layer.frame).into_iter().flatten() {
             cells.claim(point.xy);
         }

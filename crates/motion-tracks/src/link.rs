@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::chain::Chain;
+use crate::chain::{Cells, Chain, Occupied};
 use crate::confidence::ErrorModel;
 use crate::cover::Cover;
 use crate::extend::Extension;
@@ -169,10 +169,39 @@ impl Linker {
         layer
     }
 
-    /// Chains everything pushed so far.
+    /// Chains everything pushed so far; tracks start at block centres.
     #[must_use]
-    pub fn finish(self) -> Tracks {
-        let mut chain = Chain::new(self.options);
+    pub fn finish(&self) -> Tracks {
+        self.chain(self.options, Occupied::new(), seeds)
+    }
+
+    /// Further tracks in the cells, `cell` px wide, that given tracks leave free in each frame. They
+    /// start at the middle of every free cell that a usable block covers.
+    #[must_use]
+    pub fn fill(&self, tracks: &Tracks, cell: u32) -> Tracks {
+        let mut occupied = Occupied::new();
+        for (&frame, &xy) in tracks.frames.iter().zip(&tracks.points) {
+            occupied.entry(frame).or_default().push(xy);
+        }
+        let cell = cell.max(1);
+        let options = LinkOptions {
+            cell: Some(cell),
+            ..self.options
+        };
+        self.chain(options, occupied, |layer, cover| {
+            Cells::middles(cell, layer.width, layer.height)
+                .filter(|&xy| cover.rows_at(xy).next().is_some())
+                .collect()
+        })
+    }
+
+    fn chain(
+        &self,
+        options: LinkOptions,
+        occupied: Occupied,
+        seeds: impl Fn(&Layer, &Cover) -> Vec<[f32; 2]>,
+    ) -> Tracks {
+        let mut chain = Chain::new(options, occupied);
         let mut codings: BTreeMap<i32, u32> = BTreeMap::new();
         for layer in &self.layers {
             *codings.entry(layer.frame).or_default() += 1;
@@ -191,7 +220,7 @@ impl Linker {
             (size.0.max(layer.width), size.1.max(layer.height))
         });
         chain.settle_rest(width, height);
-        if !self.options.extend {
+        if !options.extend {
             return chain.finish();
         }
         let mut extension = Extension::new(chain);

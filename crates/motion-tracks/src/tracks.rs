@@ -43,10 +43,7 @@ impl Tracks {
             sorted[*slot] = *observation;
             *slot += 1;
         }
-        let mut tracks = Self {
-            offsets: vec![0],
-            ..Self::default()
-        };
+        let mut tracks = Self::empty();
         for track in 0..num_tracks as usize {
             tracks.push_track(&mut sorted[starts[track]..starts[track + 1]], min_length);
         }
@@ -68,6 +65,15 @@ impl Tracks {
         } else if self.frames.len() > start {
             let end = i64::try_from(self.frames.len()).expect("fewer than 2^63 observations");
             self.offsets.push(end);
+        }
+    }
+
+    /// No tracks.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            offsets: vec![0],
+            ..Self::default()
         }
     }
 

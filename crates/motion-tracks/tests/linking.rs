@@ -26,6 +26,10 @@ const PLAIN: LinkOptions = LinkOptions {
 type Row = ([i32; 4], [f32; 2], i32);
 
 fn link(options: LinkOptions, frames: &[(i32, &[Row])]) -> Tracks {
+    pushed(options, frames).finish()
+}
+
+fn pushed(options: LinkOptions, frames: &[(i32, &[Row])]) -> Linker {
     let mut linker = Linker::new(options);
     for (frame, rows) in frames {
         let blocks: Vec<_> = rows.iter().map(|row| row.0).collect();
@@ -42,7 +46,7 @@ fn link(options: LinkOptions, frames: &[(i32, &[Row])]) -> Tracks {
         };
         linker.push(&field).unwrap();
     }
-    linker.finish()
+    linker
 }
 
 fn points(tracks: &Tracks, track: usize) -> Vec<(i32, f32, f32)> {
@@ -259,4 +263,22 @@ fn a_track_reaches_through_a_leaf_of_the_pyramid_into_later_frames() {
     );
     assert_eq!(extended.frames, [0, 1, 2, 3, 4]);
     assert_eq!(points(&extended, 0)[1], (1, 34.0, 16.0));
+}
+
+#[test]
+fn filling_seeds_every_covered_cell_that_no_given_track_passes() {
+    let half: [i32; 4] = [0, 0, 32, 32];
+    let still: [(i32, &[Row]); 3] = [
+        (0, &[]),
+        (1, &[(half, [0.0, 0.0], 0)]),
+        (2, &[(half, [0.0, 0.0], 1)]),
+    ];
+    let linker = pushed(PLAIN, &still);
+    let tracks = linker.finish();
+    let further = linker.fill(&tracks, 8);
+    // One track from the middle of the block, and the 4 x 4 cells of it less the one that it passes.
+    assert_eq!((tracks.len(), further.len()), (1, 15));
+    assert!(further.points.iter().all(|&[x, y]| x < 32.0 && y < 32.0));
+    assert!(!further.points.contains(&[20.0, 20.0]));
+    assert_eq!(linker.finish(), tracks);
 }

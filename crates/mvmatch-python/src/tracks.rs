@@ -150,20 +150,30 @@ impl TrackLinker {
         py.detach(|| linker.push(&field)).map_err(refuse)
     }
 
-    /// Chains all fields; returns offsets (T + 1,), frame (O,) and xy (O, 2).
-    fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<TrackArrays<'py>> {
+    /// Chains all fields, then further tracks in free cells of `fill` px; each are offsets (T + 1,),
+    /// frame (O,) and xy (O, 2).
+    #[pyo3(signature = (*, fill = None))]
+    fn finish<'py>(
+        &mut self,
+        py: Python<'py>,
+        fill: Option<u32>,
+    ) -> PyResult<(TrackArrays<'py>, TrackArrays<'py>)> {
         let linker = self.linker.take().ok_or_else(finished)?;
-        let Tracks {
-            offsets,
-            frames,
-            points,
-        } = py.detach(|| linker.finish());
-        Ok((
-            offsets.into_pyarray(py),
-            frames.into_pyarray(py),
-            to_array(py, points)?,
-        ))
+        let (tracks, further) = py.detach(|| {
+            let tracks = linker.finish();
+            let further = fill.map(|cell| linker.fill(&tracks, cell));
+            (tracks, further.unwrap_or_else(Tracks::empty))
+        });
+        Ok((track_arrays(py, tracks)?, track_arrays(py, further)?))
     }
+}
+
+fn track_arrays(py: Python<'_>, tracks: Tracks) -> PyResult<TrackArrays<'_>> {
+    Ok((
+        tracks.offsets.into_pyarray(py),
+        tracks.frames.into_pyarray(py),
+        to_array(py, tracks.points)?,
+    ))
 }
 
 fn finished() -> PyErr {

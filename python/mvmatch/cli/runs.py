@@ -109,6 +109,7 @@ def run_outcome(made: Run) -> Outcome:
             f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
             **model_figures(made.model),
+            **({} if made.dense is None else {"dense": f"{made.dense.num_points:,} points"}),
             "cost": f"{cost}; {cpu:.1f} CPU s",
         },
         next=(

@@ -33,8 +33,9 @@ class UsageError(Exception):
 class Settings:
     """Options that most verbs share."""
 
-    preset: Literal["default", "paper"] = "default"
-    """Rules of tracking: what measured best, or the paper's to the letter."""
+    preset: Literal["default", "dense", "fast", "paper"] = "default"
+    """Rules of tracking: what measured best, the same with many more points, fewer tracks, or the
+    paper's to the letter."""
 
     errors: Literal["raise", "resume"] | None = None
     """At damage in an AV1 stream: stop with the frames before it, or skip what was lost."""

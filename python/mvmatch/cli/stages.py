@@ -182,9 +182,9 @@ def track(
         if chosen.refine.enabled:
             match = refine_match(match, clip, options=chosen.refine, progress=tell)
         names = frame_names(match.num_frames)
-        stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
+        tracks = match.all_tracks
+        stored = TracksTable(tracks=tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))
-    tracks = match.tracks
     per_image = len(tracks.frame) / max(match.num_frames, 1)
     return Outcome(
         made=[table],

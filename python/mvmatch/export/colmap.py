@@ -16,6 +16,7 @@ import numpy as np
 
 from mvmatch.errors import DataError
 from mvmatch.export.verification import VerificationOptions, verify_tracks
+from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     from mvmatch.export.verification import VerifiedPair
     from mvmatch.geometry.two_view import PairGeometry
-    from mvmatch.types import Tracks, TwoViewScore
+    from mvmatch.types import TwoViewScore
 
 PLANAR_RATIO = 0.8
 """H explaining this share of E's inliers means no parallax (COLMAP's ``max_H_inlier_ratio``)."""
@@ -59,6 +60,7 @@ def write_database(
     image_names: Sequence[str],
     verification: VerificationOptions | None = None,
     max_gap: int | None = 10,
+    further: Tracks | None = None,
 ) -> DatabaseSummary:
     """Write tracks as keypoints, matches and two-view geometries of a new COLMAP database.
 
@@ -76,6 +78,9 @@ def write_database(
         How matches are checked.
     max_gap : int or None
         Frame pairs further apart get no matches of their own; None writes every pair of a track.
+    further : Tracks, optional
+        Tracks that are not matched. Their keypoints follow the others of each image, so a model
+        made of the database has a place for them (:func:`mvmatch.sfm.densify`).
 
     Returns
     -------
@@ -86,13 +91,14 @@ def write_database(
     DataError
         A track refers to a frame without a name, names repeat, or the path cannot be written.
     """
-    _check(tracks, image_names)
+    everything = tracks if further is None else Tracks.concatenate(tracks, further)
+    _check(everything, image_names)
     options = verification or VerificationOptions()
     with new_database(path) as database:
         write_images(database, camera, image_names)
         num_keypoints = 0
         for frame in range(len(image_names)):
-            xy = np.ascontiguousarray(tracks.keypoints(frame), np.float32)
+            xy = np.ascontiguousarray(everything.keypoints(frame), np.float32)
             database.write_keypoints(frame + 1, xy)
             num_keypoints += len(xy)
         writer = _PairWriter(database)

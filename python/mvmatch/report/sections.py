@@ -18,6 +18,9 @@ def tiles(facts: Facts) -> str:
     if model:
         shown.append((f"{model.get('registered')} / {model.get('total')}", "images registered"))
         shown.append((_count(model.get("num_points")), "3D points"))
+        if model.get("dense"):
+            points = part(model, "dense").get("num_points")
+            shown.append((_count(points), "3D points after densifying"))
         shown.append(
             (_number(model.get("mean_reprojection_error"), 2, " px"), "reprojection error")
         )
@@ -212,6 +215,14 @@ def scores(facts: Facts) -> str:
     )
 
 
+def _dense(found: Facts) -> list[tuple[str, str]]:
+    if not found:
+        return []
+    added, tracks = _count(found.get("num_added")), _count(found.get("num_tracks"))
+    text = f"{_count(found.get('num_points'))}: {added} of {tracks} further tracks added"
+    return [("Points after densifying", text)]
+
+
 def model(facts: Facts) -> str:
     """Return the result of the mapper, and each attempt."""
     found = part(facts, "model")
@@ -221,6 +232,7 @@ def model(facts: Facts) -> str:
         ("Mapper", str(found.get("mapper"))),
         ("Registered", f"{found.get('registered')} of {found.get('total')}"),
         ("Points", _count(found.get("num_points"))),
+        *_dense(part(found, "dense")),
         ("Mean reprojection error", _number(found.get("mean_reprojection_error"), 3, " px")),
         ("Mean track length", _number(found.get("mean_track_length"), 2, " images")),
         ("Accepted", "yes" if found.get("accepted", True) else "no"),

@@ -1,14 +1,19 @@
 """COLMAP database to model: mapping that starts where the parallax is, and checks what it made."""
 
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
-from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct
+from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
+from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct, write_model
 from mvmatch.sfm.options import MapperOptions
 
 __all__ = [
     "AcceptanceOptions",
     "Attempt",
+    "DensifyOptions",
+    "DensifySummary",
     "MapperOptions",
     "ModelCheck",
     "ReconstructionResult",
+    "densify",
     "reconstruct",
+    "write_model",
 ]

@@ -114,7 +114,7 @@ def reconstruct(
         model, check = run.best()
         if model is not None and check is not None and check.accepted:
             result = _result(model, check, evidence, run.attempts, ())
-            return dataclasses.replace(result, accepted=True, path=_write(model, out))
+            return dataclasses.replace(result, accepted=True, path=write_model(model, out))
     reasons = check.reasons if check is not None else ("the mapper made no model",)
     return _result(model, check, evidence, run.attempts, reasons)
 
@@ -325,8 +325,14 @@ def _result(
     )
 
 
-def _write(model: pycolmap.Reconstruction, out: Path) -> Path:
-    """Write the model to ``out/0``, complete or not at all."""
+def write_model(model: pycolmap.Reconstruction, out: Path) -> Path:
+    """Write the model to ``out/0``, complete or not at all; an older one there is replaced.
+
+    Raises
+    ------
+    DataError
+        The folder cannot be written.
+    """
     path, partial = out / "0", out / ".0.partial"
     try:
         shutil.rmtree(partial, ignore_errors=True)
