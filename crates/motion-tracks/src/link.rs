@@ -142,7 +142,9 @@ impl Linker {
         for (row, &vector) in field.vectors.iter().enumerate() {
             let fit = fits.get(row);
             let error = match (&options.error_model, fit) {
-                (Some(model), Some(fit)) => Some(model.median_error(fit, field.energy(row)) / tolerance(vector)),
+                (Some(model), Some(fit)) => {
+                    Some(model.median_error(fit, field.energy(row)) / tolerance(vector))
+                }
                 _ => None,
             };
             let agrees = options
