@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import VerificationOptions
+from mvmatch.footage import FootageOptions
+from mvmatch.geometry.movers import MoverOptions
 from mvmatch.sfm import MapperOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
@@ -38,6 +40,10 @@ class RunOptions:
     """Frames or other video to AV1."""
     track: TrackOptions = field(default_factory=lambda: TrackOptions.preset("default"))
     """Motion to tracks."""
+    footage: FootageOptions = field(default_factory=FootageOptions)
+    """Cuts, repeated pictures and static overlays."""
+    movers: MoverOptions = field(default_factory=MoverOptions)
+    """Tracks that move by themselves."""
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)

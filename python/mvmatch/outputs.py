@@ -29,10 +29,12 @@ TRACKS = "tracks.parquet"
 DATABASE = "database.db"
 MODEL = "sparse"
 """Folder of the COLMAP model ``0``; absent when no model was accepted."""
+MASKS = "masks"
+"""Folder of COLMAP masks, one per picture; only with ``masks``."""
 REPORT = "report.json"
 PAGE = "report.html"
 
-_OURS = (VIDEO, TRACKS, DATABASE, MODEL, PAGE, REPORT)
+_OURS = (VIDEO, TRACKS, DATABASE, MODEL, MASKS, PAGE, REPORT)
 _LIBRARIES = ("numpy", "av", "pycolmap", "pyarrow")
 _KEPT_FOCAL = 1e-6
 """Relative change of a focal length that is rounding only."""

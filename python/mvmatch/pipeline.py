@@ -16,6 +16,9 @@ from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode import EncodeResult, encode_video
 from mvmatch.errors import DataError, MvmatchError, NotAv1Error
 from mvmatch.export.colmap import write_database
+from mvmatch.export.masks import write_masks
+from mvmatch.footage import Footage, FootageObserver, FootageOptions
+from mvmatch.geometry.movers import track_weights
 from mvmatch.measure import StageClock, peak_rss_mb
 from mvmatch.sfm import reconstruct
 from mvmatch.sources import (
@@ -34,9 +37,11 @@ from mvmatch.types import Tracks, VideoInfo
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from numpy.typing import NDArray
+
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import ReconstructionResult
+    from mvmatch.sfm import MapperOptions, ReconstructionResult
 
 
 class Progress(Protocol):
@@ -58,6 +63,8 @@ class Match:
     """Header facts in decode order."""
     structure: ReferenceStructure
     """Counts of vectors per reference distance and frame pair."""
+    footage: Footage
+    """Cuts, repeated pictures and static overlays; the tracks heed them."""
     damage: MvmatchError | None
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
@@ -71,7 +78,7 @@ class Match:
     @property
     def warnings(self) -> list[str]:
         """What makes matching hard, and damage, in sentences."""
-        found = self.structure.warnings(self.frames)
+        found = self.structure.warnings(self.frames) + self.footage.warnings()
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
         return [*skipped_warnings(self.skipped), *found]
@@ -87,6 +94,8 @@ class Run:
     model: ReconstructionResult
     camera: CameraChoice
     encoding: EncodeResult | None
+    weights: NDArray[np.float64] | None
+    """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
     data: dict[str, Any]
     """The report (docs/reference/report-schema.md)."""
 
@@ -95,6 +104,7 @@ def match_video(
     video: Path,
     *,
     options: TrackOptions | None = None,
+    footage: FootageOptions | None = None,
     read: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Match:
@@ -106,6 +116,8 @@ def match_video(
         An AV1 video, or a motion table that ``mvmatch extract`` wrote.
     options : TrackOptions, optional
         How vectors become tracks; the default preset without.
+    footage : FootageOptions, optional
+        What counts as a cut, a repeated picture and a static overlay.
     read : ReadOptions, optional
         What the stream may cost, what happens where it is damaged, and which layers of a scalable
         stream are read; see :func:`mvmatch.sources.open_video`.
@@ -131,10 +143,10 @@ def match_video(
         It is damaged before there are two pictures.
     """
     options = options or TrackOptions.preset("default")
-    structure = ReferenceStructure()
+    structure, observer = ReferenceStructure(), FootageObserver(footage)
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, _stage(progress, "match"))
-        tracks = build_tracks(reading, options=options)
+        tracks = build_tracks(observer.watch(reading), options=options)
         frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
@@ -142,11 +154,13 @@ def match_video(
             raise reading.damage
         tracks = _first_frames(tracks, num_frames)
     _require_motion(video, frames, structure, num_frames)
+    tracks, found = observer.clean(tracks, min_length=options.min_length)
     return Match(
         tracks=tracks,
         info=dataclasses.replace(info, num_frames=num_frames),
         frames=frames,
         structure=structure,
+        footage=found,
         damage=reading.damage,
         skipped=skipped,
     )
@@ -159,6 +173,7 @@ def reconstruct_video(
     camera: str | None = None,
     options: RunOptions | None = None,
     reencode: bool = False,
+    masks: bool = False,
     progress: Progress | None = None,
 ) -> Run:
     """Turn a video or a folder of frames into tracks, a COLMAP database, a model and a report.
@@ -176,6 +191,8 @@ def reconstruct_video(
         Options of all stages.
     reencode : bool
         Encode AV1 input anew instead of using it as it is.
+    masks : bool
+        Write a mask per picture: moving objects and static overlays black.
     progress : Progress, optional
         Told about all stages.
 
@@ -199,16 +216,27 @@ def reconstruct_video(
         if encoding is None:
             clock.stages.clear()
         with clock.stage("match"):
-            match = match_video(video, options=options.track, read=options.read, progress=progress)
+            match = match_video(
+                video,
+                options=options.track,
+                footage=options.footage,
+                read=options.read,
+                progress=progress,
+            )
         _require_tracks(video, match, options.track)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
+        with clock.stage("find movers"):
+            weights = None
+            if masks or options.movers.exclude:
+                weights = track_weights(match.tracks, choice.camera, options=options.movers)
+        at_rest = _at_rest(match.tracks, weights, options)
         table = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
         database = staging / outputs.DATABASE
         _tell(progress, "verify")
         with clock.stage("verify and write database"):
             summary = write_database(
-                match.tracks,
+                at_rest,
                 database,
                 camera=choice.camera,
                 image_names=names,
@@ -216,9 +244,20 @@ def reconstruct_video(
                 max_gap=options.track.max_gap,
             )
         write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
+        if masks and weights is not None:
+            with clock.stage("write masks"):
+                write_masks(
+                    match.tracks,
+                    weights < options.movers.min_weight,
+                    staging / outputs.MASKS,
+                    size=(match.info.width, match.info.height),
+                    image_names=names,
+                    overlays=match.footage.overlays,
+                )
         _tell(progress, "map")
         with clock.stage("map"):
-            model = reconstruct(database, staging / outputs.MODEL, options=options.mapper)
+            mapper = _one_shot(options.mapper, match)
+            model = reconstruct(database, staging / outputs.MODEL, options=mapper)
         run = Run(
             out=out,
             match=match,
@@ -226,12 +265,32 @@ def reconstruct_video(
             model=model,
             camera=choice,
             encoding=encoding,
+            weights=weights,
             data={},
         )
         run.data.update(_report_data(run, source, options, clock))
         _write_report(staging, run.data)
         outputs.publish(staging, out)
     return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
+
+
+def _one_shot(options: MapperOptions, match: Match) -> MapperOptions:
+    """Ask of the model that it holds the longest shot: across cuts nothing links the images."""
+    share = match.footage.longest_shot(match.num_frames) / match.num_frames
+    acceptance = options.acceptance
+    acceptance = dataclasses.replace(
+        acceptance,
+        min_registered=share * acceptance.min_registered,
+        min_observations=share * acceptance.min_observations,
+    )
+    return dataclasses.replace(options, acceptance=acceptance)
+
+
+def _at_rest(tracks: Tracks, weights: NDArray[np.float64] | None, options: RunOptions) -> Tracks:
+    """Tracks that go into the database."""
+    if weights is None or not options.movers.exclude:
+        return tracks
+    return tracks.select(weights >= options.movers.min_weight)
 
 
 def _moved(run: Run, path: Path) -> Run:
@@ -357,9 +416,16 @@ def _write_report(folder: Path, data: dict[str, Any]) -> None:
     write_report(folder, data)
 
 
+def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[str, Any]:
+    return {
+        "num_tracks": int(np.sum(weights < options.movers.min_weight)),
+        "excluded": options.movers.exclude,
+    }
+
+
 def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock) -> dict[str, Any]:
     match, model = run.match, run.model
-    tracks = match.tracks
+    tracks = _at_rest(match.tracks, run.weights, options)
     after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
     lengths = np.diff(tracks.offsets)
     warnings = [
@@ -387,6 +453,8 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
             "num_matches": run.database.num_matches,
             "num_inliers": run.database.num_inliers,
         },
+        "footage": match.footage.summary(),
+        "movers": None if run.weights is None else _describe_movers(run.weights, options),
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],

@@ -99,6 +99,19 @@ def test_a_run_leaves_its_results_and_nothing_else(data: Path, tmp_path: Path) -
     assert report["model"]["registered"] == report["input"]["num_frames"] == 20
     assert [stage["name"] for stage in report["stages"]] == [
         "match",
+        "find movers",
         "verify and write database",
         "map",
     ]
+
+
+def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Path) -> None:
+    words = ["run", str(data / "drive.ivf"), "-o", str(tmp_path), "--camera", DRIVE_CAMERA]
+    assert main([*words, "--masks"]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    names = [f"frame_{frame:06d}.png.png" for frame in range(report["input"]["num_frames"])]
+    assert sorted(path.name for path in (tmp_path / "masks").iterdir()) == names
+    assert report["movers"]["num_tracks"] < 0.02 * report["matches"]["num_tracks"]
+    assert report["footage"]["cuts"] == report["footage"]["repeats"] == []
+    assert main(words) == 0
+    assert not (tmp_path / "masks").exists()

@@ -10,13 +10,14 @@ Nothing is stored: pictures are made when they are read.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.datasets import Frames, Sequence
+from mvmatch.bench.patches import PATCHES, PatchedFrames, PatchedTruth
 from mvmatch.bench.truth import StillTruth, Targets, Truth, inside
 from mvmatch.errors import DataError
 
@@ -186,12 +187,22 @@ def pan(base: Sequence) -> Sequence:
     return _composed(base, "pan", how, camera=camera, poses=poses, truth=StillTruth(base.size))
 
 
+def movers(base: Sequence) -> Sequence:
+    """Let three pieces of the first picture move over all pictures."""
+    frames = PatchedFrames(base=base.frames, patches=PATCHES, size=base.size)
+    truth = base.truth
+    if truth is not None:
+        truth = PatchedTruth(base=truth, patches=PATCHES, size=base.size)
+    return replace(base, name=f"{base.name}+movers", frames=frames, truth=truth)
+
+
 COMPOSITIONS: dict[str, Callable[[Sequence], Sequence]] = {
     "repeats": repeats,
     "cut": cut,
     "overlay": overlay,
     "1080p": full_hd,
     "pan": pan,
+    "movers": movers,
 }
 """By the name that follows the plus sign."""
 

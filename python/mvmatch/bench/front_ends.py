@@ -191,12 +191,16 @@ FRONT_ENDS: dict[str, FrontEnd] = {
 SOURCES: dict[str, tuple[str, ...]] = {
     "vectors": (
         "_core",
+        "cells",
         "confidence",
         "correspondences",
         "encode",
         "error_model",
         "filters",
+        "footage",
+        "overlays",
         "pipeline",
+        "shots",
         "sources",
         "tracks",
     ),

@@ -26,6 +26,7 @@ def run(
     encoder: EncoderName | None = None,
     mapper: Mapper = None,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
+    masks: Annotated[bool, Parameter(negative="")] = False,
     print_config: Annotated[bool, Parameter(negative="")] = False,
     settings: Settings | None = None,
     json: Json = False,
@@ -42,6 +43,8 @@ def run(
         svt (always there), libaom, nvenc, qsv or vaapi; see `mvmatch encoders`.
     re_encode
         Encode AV1 input anew too.
+    masks
+        Write masks for COLMAP: moving objects and static overlays black.
     print_config
         Only print the effective options as TOML.
     """
@@ -57,7 +60,13 @@ def run(
 
     with Ticker() as tell:
         made = reconstruct_video(
-            source, out, camera=camera, options=options, reencode=re_encode, progress=tell
+            source,
+            out,
+            camera=camera,
+            options=options,
+            reencode=re_encode,
+            masks=masks,
+            progress=tell,
         )
     return run_outcome(made)
 
@@ -80,13 +89,14 @@ def run_outcome(made: Run) -> Outcome:
     return Outcome(
         made=[
             made.out / name
-            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.PAGE)
-            if name != f"{outputs.MODEL}/0" or made.model.path is not None
+            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.MASKS, outputs.PAGE)
+            if (made.out / name).exists()
         ],
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
             f"{made.match.info.height} px; camera: {made.camera.source}",
-            "tracks": f"{len(made.match.tracks):,}; {made.database.num_inliers:,} matches in "
+            "tracks": f"{len(made.match.tracks):,}{_moving(made)}; "
+            f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
             **model_figures(made.model),
             "cost": f"{cost}; {cpu:.1f} CPU s",
@@ -107,6 +117,14 @@ def _images(made: Run) -> Path:
     """Return where the pictures are, as far as they are files."""
     facts: dict[str, Any] = made.data["input"]
     return Path(facts["path"]) if facts["kind"] == "frames" else made.out
+
+
+def _moving(made: Run) -> str:
+    """Return how many tracks are on moving objects, where that was looked for."""
+    facts: dict[str, Any] | None = made.data["movers"]
+    if not facts or not facts["num_tracks"]:
+        return ""
+    return f", {facts['num_tracks']:,} of them moving{', left out' * facts['excluded']}"
 
 
 def _partial(made: Run) -> str | None:

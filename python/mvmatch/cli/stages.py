@@ -173,7 +173,9 @@ def track(
     chosen = (settings or Settings()).options()
     options = chosen.track
     with Ticker() as tell:
-        match = match_video(clip, options=options, read=chosen.read, progress=tell)
+        match = match_video(
+            clip, options=options, footage=chosen.footage, read=chosen.read, progress=tell
+        )
         names = frame_names(match.num_frames)
         stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))

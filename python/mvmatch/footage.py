@@ -1,0 +1,128 @@
+"""What the footage itself does to tracks: cuts, repeated pictures, static overlays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from mvmatch.cells import field_cells
+from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
+from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from mvmatch.types import MotionField, Tracks
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootageOptions:
+    """What is looked for in the footage."""
+
+    shots: ShotOptions = field(default_factory=ShotOptions)
+    """Scene cuts and repeated pictures."""
+    overlays: OverlayOptions = field(default_factory=OverlayOptions)
+    """Logos, dashboards, letterboxes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footage:
+    """What was found."""
+
+    cuts: tuple[int, ...]
+    """First pictures of new shots, key frames left out."""
+    jumps: tuple[int, ...]
+    """Pictures before which a piece of the scene is missing; tracks go on where vectors do."""
+    repeats: tuple[int, ...]
+    """Pictures that show the one before them again."""
+    overlays: Overlays
+    """Where static overlays lie."""
+    num_overlay_observations: int
+    """Observations that lay on them, and are not in the tracks."""
+
+    def warnings(self) -> list[str]:
+        """Say in whole sentences what it means for a model."""
+        found: list[str] = []
+        if self.cuts:
+            found.append(
+                f"Scene cuts before the pictures {_listed(self.cuts)}, {len(self.cuts)} in all: "
+                "tracks end there, and the model holds one shot. "
+                "Give each shot as a video of its own for the others."
+            )
+        if self.jumps:
+            found.append(
+                f"The video jumps before the pictures {_listed(self.jumps)}, {len(self.jumps)} in "
+                "all: only few tracks hold what lies before and after together."
+            )
+        if self.repeats:
+            found.append(
+                f"Pictures that show the one before them again: {_listed(self.repeats)}, "
+                f"{len(self.repeats)} in all. They add no baseline."
+            )
+        if self.overlays.area_share:
+            found.append(
+                f"Static overlays cover up to {self.overlays.area_share:.0%} of the picture: "
+                f"{self.num_overlay_observations:,} observations on them were left out. "
+                "--set footage.overlays.min_still=off keeps them."
+            )
+        return found
+
+    def longest_shot(self, num_frames: int) -> int:
+        """Pictures between two cuts, at most."""
+        return max(end - start for start, end in pairwise([0, *self.cuts, num_frames]))
+
+    def summary(self) -> dict[str, Any]:
+        """Return plain numbers for reports (docs/reference/report-schema.md)."""
+        return {
+            "cuts": list(self.cuts),
+            "jumps": list(self.jumps),
+            "repeats": list(self.repeats),
+            "overlay_area_share": self.overlays.area_share,
+            "num_overlay_observations": self.num_overlay_observations,
+        }
+
+
+class FootageObserver:
+    """Looks at motion fields as they pass, then at the tracks made from them."""
+
+    def __init__(self, options: FootageOptions | None = None) -> None:
+        self._options = options or FootageOptions()
+        self._cuts = CutFinder(self._options.shots)
+        self._overlays = OverlayFinder(self._options.overlays)
+
+    def watch(self, fields: Iterable[MotionField]) -> Iterator[MotionField]:
+        """Pass fields on, in decode order."""
+        for motion in fields:
+            cells = field_cells(motion)
+            self._cuts.add(motion, cells)
+            self._overlays.add(motion, cells)
+            yield motion
+
+    def clean(self, tracks: Tracks, *, min_length: int) -> tuple[Tracks, Footage]:
+        """Take observations on overlays out of tracks, and end tracks at cuts.
+
+        Parameters
+        ----------
+        tracks : Tracks
+            Made from the fields that were watched.
+        min_length : int
+            Observations; shorter remains of a track are dropped.
+        """
+        overlays = self._overlays.overlays()
+        drop = overlays.contain(tracks.frame, tracks.xy)
+        cuts = self._cuts.cuts(overlays)
+        cleaned = end_tracks(tracks, cuts=cuts, drop=drop, min_length=min_length)
+        footage = Footage(
+            cuts=cuts,
+            jumps=self._cuts.jumps(overlays),
+            repeats=find_repeats(cleaned, self._options.shots),
+            overlays=overlays,
+            num_overlay_observations=int(drop.sum()),
+        )
+        return cleaned, footage
+
+
+def _listed(frames: tuple[int, ...]) -> str:
+    """Name the first five frames."""
+    return ", ".join(str(frame) for frame in frames[:5]) + (" …" if frames[5:] else "")

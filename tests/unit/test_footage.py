@@ -1,0 +1,67 @@
+import pytest
+
+from mvmatch.footage import FootageObserver
+from mvmatch.testing.fields import field_from_rows
+from mvmatch.tracks import TrackOptions, build_tracks
+
+BLOCKS = [[x, y, 8, 8] for y in range(0, 64, 8) for x in range(0, 128, 8)]
+RULES = TrackOptions(max_error=None, max_drift=None, carry="translate", cell=None)
+LOGO = ([112, 0, 8, 8], [112, 8, 8, 8])
+
+
+def watched(step, *, frames=16, cut=None, repeat=None):
+    """Tracks and findings of a picture that moves by ``step`` px under a logo."""
+    fields = []
+    for frame in range(frames):
+        blocks = [] if frame == 0 else BLOCKS[:2] if frame == cut else BLOCKS
+        vector = (0.0, 0.0) if frame == repeat else (float(step), 0.0)
+        rows = [(b, (0.0, 0.0) if b in LOGO else vector, frame - 1) for b in blocks]
+        fields.append(field_from_rows(frame, rows, width=128, height=64))
+    observer = FootageObserver()
+    tracks = build_tracks(observer.watch(fields), options=RULES)
+    return tracks, *observer.clean(tracks, min_length=3)
+
+
+def test_no_track_is_left_on_an_overlay_and_none_beside_it_is_lost():
+    tracks, cleaned, footage = watched(3)
+    assert footage.overlays.contain(tracks.frame, tracks.xy).sum() > 0
+    assert footage.overlays.contain(cleaned.frame, cleaned.xy).sum() == 0
+    assert len(cleaned.frame) >= len(tracks.frame) - footage.num_overlay_observations * 1.1
+    assert footage.num_overlay_observations > 0
+
+
+def test_no_track_crosses_a_cut():
+    _, cleaned, footage = watched(3, cut=8)
+    assert footage.cuts == (8,)
+    assert footage.longest_shot(16) == 8
+    start, end = cleaned.frame[cleaned.offsets[:-1]], cleaned.frame[cleaned.offsets[1:] - 1]
+    assert not ((start < 8) & (end >= 8)).any()
+
+
+def test_a_repeated_picture_keeps_its_observations():
+    tracks, cleaned, footage = watched(3, repeat=8)
+    assert footage.repeats == (8,)
+    assert len(cleaned.observations(8)) > 0.9 * (len(tracks.observations(8)) - len(LOGO))
+
+
+def test_a_static_camera_keeps_all_tracks_and_warns_of_nothing():
+    tracks, cleaned, footage = watched(0)
+    assert len(cleaned) == len(tracks) > 0
+    assert footage.warnings() == []
+    assert footage.longest_shot(16) == 16
+
+
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        ({"cut": 8}, "Scene cuts before the pictures 8, 1 in all"),
+        ({"repeat": 8}, "show the one before them again: 8, 1 in all"),
+        ({}, "Static overlays cover up to 2% of the picture"),
+    ],
+)
+def test_what_is_found_is_said(found, text):
+    footage = watched(3, **found)[2]
+    assert any(text in warning for warning in footage.warnings())
+    summary = footage.summary()
+    assert summary["cuts"] == list(footage.cuts)
+    assert summary["overlay_area_share"] == 2 / 128
