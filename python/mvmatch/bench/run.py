@@ -7,6 +7,7 @@ even the interpreter, leaves a cell that says so.
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import hashlib
 import json
 import shutil
@@ -53,6 +54,7 @@ class RunOptions:
     sequences: tuple[str, ...] = ()
     """Names, with ``+composition`` for composed ones; empty: every sequence as it is."""
     methods: tuple[str, ...] = ("svt-default", "svt-paper", "klt", "dis", "sift")
+    """Names, or patterns as of file names: ``svt-default*`` is the default and its ablations."""
     max_frames: int | None = 30
     map: bool = False
     """Also reconstruct, all points and every draw: slow."""
@@ -99,9 +101,12 @@ def cells_of(options: RunOptions) -> list[Cell]:
     """
     folders = find_sequences(options.data)
     wanted = options.sequences or tuple(folders)
-    for method in options.methods:
-        if method not in FRONT_ENDS:
-            raise DataError(f"there is no method {method}; there are {', '.join(FRONT_ENDS)}")
+    methods: dict[str, None] = {}
+    for pattern in options.methods:
+        matching = fnmatch.filter(FRONT_ENDS, pattern)
+        if not matching:
+            raise DataError(f"there is no method {pattern}; there are {', '.join(FRONT_ENDS)}")
+        methods.update(dict.fromkeys(matching))
     cells: list[Cell] = []
     for name in wanted:
         base, plus, composition = name.partition("+")
@@ -113,7 +118,7 @@ def cells_of(options: RunOptions) -> list[Cell]:
             )
         cells += [
             Cell(sequence=name, method=method, folder=folders[base], options=options)
-            for method in options.methods
+            for method in methods
         ]
     return cells
 

@@ -41,7 +41,8 @@ def accuracy(
         1080p). Without it all of them as they are.
     methods
         Names, separated by commas, such as svt-default, svt-paper, libaom-rt-default,
-        libaom-good-default, klt, dis, sift.
+        libaom-good-default, klt, dis, sift, or patterns: "svt-default*" is preset default with one
+        part off at a time.
     frames
         First frames of each sequence; 0 for all.
     draws
