@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
-from mvmatch.export.colmap import VerificationOptions
+from mvmatch.export.verification import VerificationOptions
 from mvmatch.footage import FootageOptions
 from mvmatch.geometry.movers import MoverOptions
+from mvmatch.refine import RefineOptions
 from mvmatch.sfm import MapperOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
@@ -44,6 +45,8 @@ class RunOptions:
     """Cuts, repeated pictures and static overlays."""
     movers: MoverOptions = field(default_factory=MoverOptions)
     """Tracks that move by themselves."""
+    refine: RefineOptions = field(default_factory=RefineOptions)
+    """Tracks to tracks aligned to the pictures; off unless enabled."""
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)

@@ -20,6 +20,8 @@ from mvmatch.export.masks import write_masks
 from mvmatch.footage import Footage, FootageObserver, FootageOptions
 from mvmatch.geometry.movers import track_weights
 from mvmatch.measure import StageClock, peak_rss_mb
+from mvmatch.opencv import require_opencv
+from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
 from mvmatch.sfm import reconstruct
 from mvmatch.sources import (
     FrameFacts,
@@ -35,7 +37,7 @@ from mvmatch.tracks import TrackOptions, build_tracks
 from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -166,6 +168,69 @@ def match_video(
     )
 
 
+def refine_match(
+    match: Match,
+    pictures: Path,
+    *,
+    options: RefineOptions | None = None,
+    progress: Progress | None = None,
+) -> Match:
+    """Align the tracks of a video to its pictures.
+
+    Parameters
+    ----------
+    match : Match
+        Of :func:`match_video`.
+    pictures : Path
+        The video, or the video or folder of images it was encoded from.
+    options : RefineOptions, optional
+        See :func:`mvmatch.refine.refine_tracks`; ``enabled`` is not looked at.
+    progress : Progress, optional
+        Told after each picture.
+
+    Returns
+    -------
+    Match
+        With other tracks.
+
+    Raises
+    ------
+    MissingExtraError
+        OpenCV is not installed.
+    DataError
+        The pictures cannot be decoded, have another size than the video, or show something else;
+        or parts of the stream were skipped, so that nobody knows which picture is which.
+    """
+    if is_table(pictures):
+        message = f"{pictures} holds no pictures to refine with. Give the video itself"
+        raise DataError(message)
+    if match.skipped:
+        message = "tracks of a damaged stream that was read on cannot be refined. Do without"
+        raise DataError(message)
+    decoded = _pictures(match, pictures, _stage(progress, "refine"))
+    tracks = refine_tracks(match.tracks, decoded, options=options)
+    if len(match.tracks) and not len(tracks):
+        message = f"no track fits the pictures of {pictures}. Are they those of the video?"
+        raise DataError(message)
+    return dataclasses.replace(match, tracks=tracks)
+
+
+def _pictures(
+    match: Match, source: Path, tell: Callable[[int, int | None], None] | None
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the pictures of a video in grey, of the size that its tracks are in."""
+    size = (match.info.width, match.info.height)
+    for number, picture in enumerate(gray_pictures(source, max_frames=match.num_frames), 1):
+        if picture.shape[::-1] != size:
+            message = "{} has pictures of {}x{} px, its tracks are in {}x{} px".format(
+                source, *picture.shape[::-1], *size
+            )
+            raise DataError(message)
+        yield picture
+        if tell is not None:
+            tell(number, match.num_frames)
+
+
 def reconstruct_video(
     source: Path,
     out: Path,
@@ -209,6 +274,8 @@ def reconstruct_video(
     """
     options = options or RunOptions()
     source, out = Path(source), Path(out)
+    if options.refine.enabled:
+        require_opencv("refinement", extra="refine")  # now rather than after the encoding
     clock = StageClock()
     with outputs.staging(out) as staging:
         with clock.stage("encode"):
@@ -224,6 +291,10 @@ def reconstruct_video(
                 progress=progress,
             )
         _require_tracks(video, match, options.track)
+        if options.refine.enabled:
+            pictures = video if encoding is None else source
+            with clock.stage("refine"):
+                match = refine_match(match, pictures, options=options.refine, progress=progress)
         choice = parse_camera(camera, match.info.width, match.info.height)
         names = _image_names(match.num_frames, encoding)
         with clock.stage("find movers"):
@@ -449,6 +520,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
             "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
             "matches_per_image": after.sum(axis=1).tolist(),
             "num_pairs": run.database.num_pairs,
+            "num_estimated_pairs": run.database.num_estimated_pairs,
             "num_verified_pairs": run.database.num_verified_pairs,
             "num_matches": run.database.num_matches,
             "num_inliers": run.database.num_inliers,

@@ -142,6 +142,10 @@ class TwoViewScore:
     """Median squared Sampson error of the inliers in normalised camera units (the paper's)."""
 
 
+_PAIRED_FRAMES = 64
+"""Frames whose matches with later ones are sorted together: bounds the memory, costs no time."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracks:
     """Points followed through several frames, in compressed sparse rows.
@@ -281,20 +285,27 @@ class Tracks:
             xy1=self.xy[second[in_second]],
         )
 
-    def _matched(self, max_gap: int | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(M,) observations of the earlier and of the later frame, for every pair on a track."""
+    def _matched(
+        self, first: NDArray[np.int64], max_gap: int | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(M,) observations of the earlier and of the later frame, for every pair on a track.
+
+        ``first``: (K,) observations that the earlier ones are taken from.
+        """
         import numpy as np
 
         firsts: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
         seconds: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
         # Observations that have another one `step` places later in the same track.
-        end = self.offsets[1:][self.track_index]
-        first = np.arange(self.num_observations, dtype=np.int64)
+        end = self.offsets[1:][self.track_index[first]]
         for step in range(1, self.num_observations):
-            first = first[first + step < end[first]]
+            has_next = first + step < end
             if max_gap is not None:
                 # Frames rise along a track: once too far apart, the next step is farther still.
-                first = first[self.frame[first + step] - self.frame[first] <= max_gap]
+                last = self.num_observations - 1
+                near = self.frame[np.minimum(first + step, last)] - self.frame[first] <= max_gap
+                has_next &= near
+            first, end = first[has_next], end[has_next]
             if len(first) == 0:
                 break
             firsts.append(first)
@@ -317,7 +328,18 @@ class Tracks:
         """
         import numpy as np
 
-        first, second = self._matched(max_gap)
+        order, starts = self._by_frame
+        for frame in range(0, self.num_frames, _PAIRED_FRAMES):
+            last = min(frame + _PAIRED_FRAMES, self.num_frames)
+            observed = np.sort(order[starts[frame] : starts[last]])
+            yield from self._pairs_of(*self._matched(observed, max_gap))
+
+    def _pairs_of(
+        self, first: NDArray[np.int64], second: NDArray[np.int64]
+    ) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
+        """Sort (M,) pairs of observations by their frames, and part them there."""
+        import numpy as np
+
         num_frames = self.num_frames
         # Two stable passes over small integers: far cheaper than sorting the pairs themselves.
         order = np.argsort(first, kind="stable")
@@ -359,7 +381,8 @@ class Tracks:
         if side < self.num_frames:
             message = f"num_frames is {side}, but tracks reach frame {self.num_frames - 1}"
             raise ValueError(message)
-        first, second = self._matched(max_gap)
+        every = np.arange(self.num_observations, dtype=np.int64)
+        first, second = self._matched(every, max_gap)
         keys = self.frame[first].astype(np.int64) * side + self.frame[second]
         upper = np.bincount(keys, minlength=side * side).reshape(side, side).astype(np.int64)
         return upper + upper.T

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mvmatch.errors import DataError
-from mvmatch.export.colmap import VerificationOptions, write_database
+from mvmatch.export.colmap import write_database
 from mvmatch.export.scores import score_database
+from mvmatch.export.verification import VerificationOptions
 from mvmatch.types import Tracks
 
 pycolmap = pytest.importorskip("pycolmap")
@@ -111,7 +112,7 @@ def test_an_older_database_survives_a_failed_write(tmp_path, monkeypatch):
     def fail(*_arguments, **_options):
         raise RuntimeError("power cut")
 
-    monkeypatch.setattr("mvmatch.export.colmap.fit_pair", fail)
+    monkeypatch.setattr("mvmatch.export.verification.fit_pair", fail)
     with pytest.raises(RuntimeError, match="power cut"):
         write_database(sideways_tracks(), path, camera=camera(), image_names=NAMES)
     assert path.read_bytes() == before

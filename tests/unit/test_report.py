@@ -103,6 +103,7 @@ def facts() -> dict[str, Any]:
             "keypoints_per_image": rng.integers(1500, 2100, FRAMES),
             "matches_per_image": after.sum(axis=0),
             "num_pairs": 200,
+            "num_estimated_pairs": 60,
             "num_verified_pairs": 200,
             "num_matches": int(after.sum() // 2),
             "num_inliers": int(after.sum() // 2 * 0.97),

@@ -1,5 +1,6 @@
 """The mapper on points of known scenes: what it accepts is right, what is wrong it refuses."""
 
+import dataclasses
 import shutil
 
 import numpy as np
@@ -7,11 +8,13 @@ import pytest
 
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
+from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
 from mvmatch.sfm.adjust import adjust
 from mvmatch.sfm.checks import check_model, weakest_joint
-from mvmatch.sfm.evidence import read_evidence
+from mvmatch.sfm.evidence import _selection, read_evidence
+from mvmatch.sfm.focal import thinned
 from mvmatch.types import Tracks
 
 pycolmap = pytest.importorskip("pycolmap")
@@ -229,3 +232,45 @@ def test_a_text_file_is_refused(tmp_path):
     path.write_text("hello")
     with pytest.raises(DataError, match="not a COLMAP database"):
         reconstruct(path, tmp_path / "sfm")
+
+
+def test_pairs_that_were_judged_by_their_tracks_are_no_evidence_where_others_were_measured(
+    tmp_path,
+):
+    path = tmp_path / "database.db"
+    names = [f"{frame:06d}.png" for frame in range(FRAMES)]
+    summary = write_database(observe(FORWARD), path, camera=camera(), image_names=names)
+    measured = {(score.frame0 + 1, score.frame1 + 1) for score in summary.scores}
+    assert len(measured) < summary.num_verified_pairs
+    evidence = read_evidence(path)
+    assert {(pair.image0, pair.image1) for pair in evidence.pairs} == measured
+
+
+def test_a_database_without_any_measured_pair_is_measured(tmp_path):
+    path = tmp_path / "database.db"
+    write_database(
+        observe(FORWARD),
+        path,
+        camera=camera(),
+        image_names=[f"{frame:06d}.png" for frame in range(FRAMES)],
+        verification=VerificationOptions(mode="trust"),
+    )
+    assert len(read_evidence(path).pairs) == FRAMES * (FRAMES - 1) // 2
+
+
+def test_a_selection_of_pairs_holds_all_gaps_and_the_whole_sequence():
+    pairs = [(frame, frame + gap) for frame in range(400) for gap in range(1, 11)]
+    some = _selection(pairs, 400)
+    counts = np.bincount([later - frame for frame, later in some])
+    assert counts[1:].min() >= 20, "every tenth pair in order would have one gap only"
+    assert np.array_equal([frame for frame, _ in some], np.arange(400))
+    assert _selection(pairs, 400) == some
+
+
+def test_a_thinned_sequence_has_a_measured_pair_even_if_its_gap_is_rare(tmp_path):
+    path = database(tmp_path, observe(FORWARD))
+    evidence = read_evidence(path)
+    only = [pair for pair in evidence.pairs if pair.image1 - pair.image0 == 5]
+    images, initial = thinned(dataclasses.replace(evidence, pairs=tuple(only)))
+    assert initial in only
+    assert {initial.image0, initial.image1} <= set(images)

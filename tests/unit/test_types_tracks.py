@@ -80,3 +80,18 @@ def test_selected_tracks_are_numbered_anew():
     kept = THREE.select(np.array([False, True, True]))
     assert kept.frame.tolist() == [1, 3, 0, 1]
     assert kept.keypoint_index.tolist() == [0, 0, 0, 1]
+
+
+def test_pairs_are_the_same_however_many_frames_are_sorted_together(monkeypatch):
+    generator = np.random.default_rng(0)
+    rows = []
+    for _ in range(60):
+        frames = np.sort(generator.permutation(40)[: generator.integers(2, 12)])
+        rows.append([(int(f), *generator.uniform(0, 99, 2)) for f in frames])
+    tracks = Tracks.from_lists(*rows)
+    for max_gap in (None, 3):
+        monkeypatch.setattr("mvmatch.types._PAIRED_FRAMES", 1000)
+        expected = [(i, j, matches.tolist()) for i, j, matches in tracks.pairs(max_gap)]
+        monkeypatch.setattr("mvmatch.types._PAIRED_FRAMES", 7)
+        assert [(i, j, matches.tolist()) for i, j, matches in tracks.pairs(max_gap)] == expected
+        assert len(expected) > 20

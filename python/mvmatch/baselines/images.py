@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mvmatch.errors import DataError, MissingExtraError
+from mvmatch import opencv
+from mvmatch.errors import DataError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -59,10 +60,4 @@ def require_opencv() -> ModuleType:
     MissingExtraError
         It is not installed.
     """
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingExtraError(
-            "the KLT and DIS baselines need OpenCV: pip install 'mvmatch[baselines]'"
-        ) from error
-    return cv2
+    return opencv.require_opencv("a baseline", extra="baselines")

@@ -17,7 +17,8 @@ from mvmatch.bench.digests import code_digest
 from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
 from mvmatch.encode import EncodeOptions, encode_video
 from mvmatch.measure import StageClock
-from mvmatch.pipeline import match_video
+from mvmatch.pipeline import match_video, refine_match
+from mvmatch.refine import RefineOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
@@ -60,10 +61,11 @@ class FrontEnd(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Vectors:
-    """Motion vectors of an AV1 encoder, chained to tracks."""
+    """Motion vectors of an AV1 encoder, chained to tracks; aligned to the frames if asked to."""
 
     encode: EncodeOptions
     track: TrackOptions
+    refine: RefineOptions | None = None
 
     def __call__(self, clip: Clip) -> FrontEndResult:
         """Encode the frames unless it was done, and chain their vectors."""
@@ -71,9 +73,14 @@ class Vectors:
         clock = StageClock()
         with clock.stage("match"):
             match = match_video(stream, options=self.track, read=ReadOptions(threads=1))
+        if self.refine is not None:
+            require_opencv().setNumThreads(1)
+            with clock.stage("refine"):
+                match = refine_match(match, clip.images, options=self.refine)
+        cost = {stage.name: stage.cpu_s for stage in clock.stages}
         return FrontEndResult(
             matches=TrackMatches(match.tracks),
-            cost={"encode": encoding["cpu_seconds"], "match": clock.stages[0].cpu_s},
+            cost={"encode": encoding["cpu_seconds"], **cost},
             details={**encoding, "track": dataclasses.asdict(self.track)},
         )
 
@@ -182,6 +189,7 @@ FRONT_ENDS: dict[str, FrontEnd] = {
         for encoder, options in ENCODERS.items()
         for name, changes in ABLATIONS.items()
     },
+    "svt-refined": Vectors(encode=ENCODERS["svt"], track=TrackOptions(), refine=RefineOptions()),
     "klt": Tracker("klt"),
     "dis": Tracker("dis"),
     "sift": sift_sequential,
@@ -204,11 +212,15 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "sources",
         "tracks",
     ),
-    "baselines": ("baselines",),
+    "refined": ("opencv", "refine"),
+    "baselines": ("baselines", "opencv"),
 }
 """Modules whose code a result depends on, beside those that judge it."""
 
 
 def sources_of(name: str) -> tuple[str, ...]:
     """Return the modules that the result of a front end depends on."""
-    return SOURCES["vectors" if isinstance(FRONT_ENDS[name], Vectors) else "baselines"]
+    front_end = FRONT_ENDS[name]
+    if not isinstance(front_end, Vectors):
+        return SOURCES["baselines"]
+    return SOURCES["vectors"] + (SOURCES["refined"] if front_end.refine else ())

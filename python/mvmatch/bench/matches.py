@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from mvmatch.export.colmap import (
-    VerificationOptions,
     calibrated_geometry,
     new_database,
     write_database,
     write_images,
 )
+from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.two_view import fit_pair
 from mvmatch.types import Correspondences
 

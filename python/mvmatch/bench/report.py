@@ -145,6 +145,10 @@ def _text(value: Value, name: str) -> str:
     return f"{text} ± {factor * value.spread:.{decimals}f}" if known else text
 
 
+_OPTIONAL = ("encode", "refine")
+"""Stages that not every method has."""
+
+
 def _cost_table(results: Many[dict[str, Any]]) -> str:
     rows: list[list[str]] = []
     for result in results:
@@ -158,11 +162,11 @@ def _cost_table(results: Many[dict[str, Any]]) -> str:
             median, long = np.median(lengths), (lengths >= 10).mean()
             tracks = [f"{len(lengths):,}", f"{median:.0f}", f"{100 * long:.0f}"]
         cost = result["cost"]
-        encode = f"{cost['encode']:.1f}" if "encode" in cost else ""
+        encode, refine = (f"{cost[stage]:.1f}" if stage in cost else "" for stage in _OPTIONAL)
         kilobytes = f"{size / 1000:.0f}" if size else ""
         names = [result["sequence"], result["method"]]
-        rows.append([*names, kilobytes, encode, f"{cost['match']:.1f}", *tracks])
-    titles = ["sequence", "method", "kB", "encode CPU s", "match CPU s"]
+        rows.append([*names, kilobytes, encode, f"{cost['match']:.1f}", refine, *tracks])
+    titles = ["sequence", "method", "kB", "encode CPU s", "match CPU s", "refine CPU s"]
     return markdown([*titles, "tracks", "median length", "≥ 10 frames %"], rows)
 
 

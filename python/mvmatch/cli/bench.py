@@ -40,7 +40,7 @@ def accuracy(
         Names, separated by commas; NAME+COMPOSITION for a composed one (repeats, cut, overlay, pan,
         1080p). Without it all of them as they are.
     methods
-        Names, separated by commas, such as svt-default, svt-paper, libaom-rt-default,
+        Names, separated by commas, such as svt-default, svt-paper, svt-refined, libaom-rt-default,
         libaom-good-default, klt, dis, sift, or patterns: "svt-default*" is preset default with one
         part off at a time.
     frames

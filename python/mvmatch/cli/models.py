@@ -84,7 +84,8 @@ def export(
         made=[database],
         figures={
             "images": f"{summary.num_images}, {summary.num_keypoints:,} keypoints",
-            "pairs": f"{summary.num_verified_pairs} of {summary.num_pairs} verified, "
+            "pairs": f"{summary.num_verified_pairs} of {summary.num_pairs} verified "
+            f"({summary.num_estimated_pairs} estimated), "
             f"{summary.num_inliers:,} of {summary.num_matches:,} matches",
             "camera": choice.source,
         },

@@ -10,7 +10,16 @@ from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, look_at, model_figures, with_mapper
-from mvmatch.cli.settings import ExistingPath, Json, Output, Settings, UsageError, with_encoder
+from mvmatch.cli.settings import (
+    ExistingPath,
+    Json,
+    Output,
+    Refine,
+    Settings,
+    UsageError,
+    with_encoder,
+    with_refinement,
+)
 from mvmatch.encode import EncoderName
 
 if TYPE_CHECKING:
@@ -25,6 +34,7 @@ def run(
     camera: Camera = None,
     encoder: EncoderName | None = None,
     mapper: Mapper = None,
+    refine: Refine = False,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
     masks: Annotated[bool, Parameter(negative="")] = False,
     print_config: Annotated[bool, Parameter(negative="")] = False,
@@ -49,7 +59,7 @@ def run(
         Only print the effective options as TOML.
     """
     options = with_encoder((settings or Settings()).options(), encoder)
-    options = with_mapper(options, mapper)
+    options = with_mapper(with_refinement(options, refine), mapper)
     if print_config:
         from mvmatch.config import to_toml
 

@@ -45,6 +45,10 @@ class Settings:
     threads: int | None = None
     """Threads that read the AV1 stream; 0, the default, takes one per processor."""
 
+    verify: Literal["tracks", "sampled", "all", "trust"] | None = None
+    """Which image pairs get a geometry of their own: a few per frame, whose verdict tracks carry to
+    the others (the default); every pair, from a sample or from all of its matches; or none."""
+
     config: ExistingFile | None = None
     """TOML file with options; `mvmatch run --print-config` shows one."""
 
@@ -66,7 +70,10 @@ class Settings:
             read = replace(read, operating_point=self.operating_point)
         if self.threads is not None:
             read = replace(read, threads=self.threads)
-        return replace(options, read=read)
+        verification = options.verification
+        if self.verify is not None:
+            verification = replace(verification, mode=self.verify)
+        return replace(options, read=read, verification=verification)
 
 
 def apply_assignments(assignments: Sequence[str], options: RunOptions) -> RunOptions:
@@ -92,6 +99,19 @@ def _value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+Refine = Annotated[
+    bool,
+    Parameter(negative="", help="Align tracks to the pictures: exacter and slower; needs OpenCV."),
+]
+
+
+def with_refinement(options: RunOptions, refine: bool) -> RunOptions:
+    """Return the options with the refinement on, if it was asked for."""
+    if not refine:
+        return options
+    return replace(options, refine=replace(options.refine, enabled=True))
 
 
 def with_encoder(options: RunOptions, encoder: Any) -> RunOptions:

@@ -11,8 +11,10 @@ from mvmatch.cli.settings import (
     ExistingFile,
     ExistingPath,
     Json,
+    Refine,
     Settings,
     with_encoder,
+    with_refinement,
 )
 from mvmatch.encode import EncoderName
 from mvmatch.errors import MvmatchError
@@ -155,6 +157,7 @@ def track(
     table: Path,
     /,
     *,
+    refine: Refine = False,
     settings: Settings | None = None,
     json: Json = False,
 ) -> Outcome:
@@ -167,15 +170,17 @@ def track(
     table
         The Parquet file to write.
     """
-    from mvmatch.pipeline import frame_names, match_video
+    from mvmatch.pipeline import frame_names, match_video, refine_match
     from mvmatch.store import TracksTable, write_tracks
 
-    chosen = (settings or Settings()).options()
+    chosen = with_refinement((settings or Settings()).options(), refine)
     options = chosen.track
     with Ticker() as tell:
         match = match_video(
             clip, options=options, footage=chosen.footage, read=chosen.read, progress=tell
         )
+        if chosen.refine.enabled:
+            match = refine_match(match, clip, options=chosen.refine, progress=tell)
         names = frame_names(match.num_frames)
         stored = TracksTable(tracks=match.tracks, info=match.info, image_names=names)
         write_tracks(stored, table, options=dataclasses.asdict(options))

@@ -9,13 +9,13 @@ Coordinates are COLMAP's already, so nothing is converted. Image ids are frame n
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mvmatch.errors import DataError
-from mvmatch.geometry.two_view import PairGeometry, RansacOptions, fit_pair
+from mvmatch.export.verification import VerificationOptions, verify_tracks
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
@@ -24,22 +24,12 @@ if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
 
+    from mvmatch.export.verification import VerifiedPair
+    from mvmatch.geometry.two_view import PairGeometry
     from mvmatch.types import Tracks, TwoViewScore
 
 PLANAR_RATIO = 0.8
 """H explaining this share of E's inliers means no parallax (COLMAP's ``max_H_inlier_ratio``)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerificationOptions:
-    """How matches become the two-view geometries that the mapper reads."""
-
-    mode: Literal["all", "sampled", "trust"] = "sampled"
-    """``all`` estimates on every match, ``sampled`` on ``max_sample`` per pair and tests every one,
-    ``trust`` passes every match on untested."""
-    max_sample: int = 200
-    """Matches per pair that the estimation sees in mode ``sampled``."""
-    ransac: RansacOptions = field(default_factory=RansacOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,13 +40,15 @@ class DatabaseSummary:
     num_keypoints: int
     num_pairs: int
     """Image pairs with at least one match."""
+    num_estimated_pairs: int
+    """Image pairs whose own geometry was estimated, with whatever result."""
     num_verified_pairs: int
-    """Image pairs with a two-view geometry."""
+    """Image pairs with inliers that the mapper reads, estimated or judged by their tracks."""
     num_matches: int
     num_inliers: int
-    """Matches that agree with the geometry of their pair."""
+    """Matches that agree with the geometry of their pair, or whose track was found right."""
     scores: tuple[TwoViewScore, ...]
-    """One per pair; empty in mode ``trust``."""
+    """One per estimated pair."""
 
 
 def write_database(
@@ -99,19 +91,18 @@ def write_database(
     with new_database(path) as database:
         write_images(database, camera, image_names)
         num_keypoints = 0
-        keypoints: list[NDArray[np.float32]] = []
         for frame in range(len(image_names)):
             xy = np.ascontiguousarray(tracks.keypoints(frame), np.float32)
             database.write_keypoints(frame + 1, xy)
-            keypoints.append(xy)
             num_keypoints += len(xy)
-        writer = _PairWriter(database, camera, keypoints, options)
-        for frame0, frame1, matches in tracks.pairs(max_gap):
-            writer.add(frame0, frame1, matches)
+        writer = _PairWriter(database)
+        for pair in verify_tracks(tracks, camera, options=options, max_gap=max_gap):
+            writer.add(pair)
     return DatabaseSummary(
         num_images=len(image_names),
         num_keypoints=num_keypoints,
         num_pairs=writer.num_pairs,
+        num_estimated_pairs=len(writer.scores),
         num_verified_pairs=writer.num_verified_pairs,
         num_matches=writer.num_matches,
         num_inliers=writer.num_inliers,
@@ -120,54 +111,34 @@ def write_database(
 
 
 class _PairWriter:
-    """Verifies pairs, writes them, and counts."""
+    """Writes verified pairs, and counts."""
 
-    def __init__(
-        self,
-        database: pycolmap.Database,
-        camera: pycolmap.Camera,
-        keypoints: Sequence[NDArray[np.float32]],
-        options: VerificationOptions,
-    ) -> None:
+    def __init__(self, database: pycolmap.Database) -> None:
         self._database = database
-        self._camera = camera
-        self._keypoints = keypoints
-        self._options = options
         self.num_pairs = self.num_verified_pairs = self.num_matches = self.num_inliers = 0
         self.scores: list[TwoViewScore] = []
 
-    def add(self, frame0: int, frame1: int, matches: NDArray[np.uint32]) -> None:
-        if len(matches) == 0:
-            return
+    def add(self, pair: VerifiedPair) -> None:
+        ids = pair.frame0 + 1, pair.frame1 + 1
         self.num_pairs += 1
-        self.num_matches += len(matches)
-        self._database.write_matches(frame0 + 1, frame1 + 1, matches)
-        if self._options.mode == "trust":
-            self._write(frame0, frame1, calibrated_geometry(matches))
-            return
-        fit = fit_pair(
-            self._keypoints[frame0][matches[:, 0]],
-            self._keypoints[frame1][matches[:, 1]],
-            self._camera,
-            self._camera,
-            frames=(frame0, frame1),
-            options=self._options.ransac,
-            max_sample=self._options.max_sample if self._options.mode == "sampled" else None,
-        )
-        self.scores.append(fit.score)
-        if fit.score.model is not None:
-            self._write(frame0, frame1, calibrated_geometry(matches[fit.inliers], fit))
-
-    def _write(self, frame0: int, frame1: int, geometry: pycolmap.TwoViewGeometry) -> None:
-        self._database.write_two_view_geometry(frame0 + 1, frame1 + 1, geometry)
-        self.num_verified_pairs += 1
-        self.num_inliers += len(geometry.inlier_matches)
+        self.num_matches += len(pair.matches)
+        self._database.write_matches(*ids, pair.matches)
+        if pair.fit is not None:
+            self.scores.append(pair.fit.score)
+        inliers = pair.matches[pair.inliers]
+        if len(inliers):
+            self._database.write_two_view_geometry(*ids, calibrated_geometry(inliers, pair.fit))
+            self.num_verified_pairs += 1
+            self.num_inliers += len(inliers)
 
 
 def calibrated_geometry(
     matches: NDArray[np.uint32], fit: PairGeometry | None = None
 ) -> pycolmap.TwoViewGeometry:
-    """Build the COLMAP record of inlier matches and, when they were fitted, their models."""
+    """Build the COLMAP record of inlier matches and, when the pair was fitted, its models.
+
+    A pair that was not fitted has no E and no pose in its record.
+    """
     import pycolmap
 
     geometry = pycolmap.TwoViewGeometry()

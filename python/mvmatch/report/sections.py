@@ -142,6 +142,7 @@ def matches(facts: Facts) -> str:
         ("Track length", f"mean {_number(found.get('mean_track_length'), 1)}, "
          f"longest {_count(found.get('max_track_length'))}"),
         ("Image pairs", f"{_count(found.get('num_pairs'))}, "
+         f"{_count(found.get('num_estimated_pairs'))} estimated, "
          f"{_count(found.get('num_verified_pairs'))} verified"),
         ("Matches", f"{_count(found.get('num_matches'))}, "
          f"{_count(found.get('num_inliers'))} kept as inliers"),
@@ -198,7 +199,7 @@ def scores(facts: Facts) -> str:
     sampson = [row["median_sampson_px"] for row in found if row["median_sampson_px"] is not None]
     figures = _figure(
         chart.histogram(ratio, x_label="inlier ratio", y_label="image pairs", upper=1.0),
-        "Share of correspondences that fit one camera motion, per image pair.",
+        "Share of correspondences that fit one camera motion, per estimated image pair.",
     )
     if sampson:
         figures += _figure(

@@ -30,7 +30,7 @@ MIN_INLIERS = 50
 """Pairs with fewer are not evidence."""
 
 MAX_PAIRS = 500
-"""Pairs measured; of more an even selection is taken."""
+"""Pairs measured; of more a selection spread over the sequence is taken."""
 
 MAX_REFITTED_PAIRS = 150
 """As `MAX_PAIRS`, where every pair has to be fitted."""
@@ -114,7 +114,9 @@ def read_evidence(
     Returns
     -------
     Evidence
-        Pairs with at least `MIN_INLIERS` inliers, sorted by image ids.
+        Pairs with at least `MIN_INLIERS` inliers, sorted by image ids. Where some geometries have
+        a pose, those without are no evidence: their matches were judged by tracks that the others
+        measure as well. Where none has, all are fitted.
     """
     import pycolmap
 
@@ -136,10 +138,12 @@ def read_evidence(
         if len(inliers) >= MIN_INLIERS:
             usable.append((ids, geometry))
     usable.sort(key=lambda item: item[0])
+    posed = [item for item in usable if item[1].cam2_from_cam1 is not None]
+    usable = posed or usable
     refit = cameras is not None
     measured = dict(cameras) if refit else known
     pairs: list[PairEvidence] = []
-    for ids, geometry in _even_selection(usable, MAX_REFITTED_PAIRS if refit else MAX_PAIRS):
+    for ids, geometry in _selection(usable, MAX_REFITTED_PAIRS if refit else MAX_PAIRS):
         views = [measured[images[image_id].camera_id] for image_id in ids]
         inliers = geometry.inlier_matches
         points = [keypoints[ids[side]][inliers[:, side]] for side in (0, 1)]
@@ -207,10 +211,15 @@ def _rays(xy: NDArray[np.float64], camera: pycolmap.Camera) -> NDArray[np.float6
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def _even_selection(items: Sequence[_Item], count: int) -> Sequence[_Item]:
+def _selection(items: Sequence[_Item], count: int) -> Sequence[_Item]:
+    """Take ``count`` items at random, one from each of as many equal parts.
+
+    At equal distances they would all have the same gap: every frame has as many pairs as the next.
+    """
     if len(items) <= count:
         return items
-    return [items[index] for index in np.linspace(0, len(items) - 1, count).astype(int)]
+    bounds = np.linspace(0, len(items), count + 1).astype(int)
+    return [items[index] for index in np.random.default_rng(0).integers(bounds[:-1], bounds[1:])]
 
 
 def _by_strength(pair: PairEvidence) -> tuple[float, int, int]:

@@ -125,13 +125,21 @@ def thinned(evidence: Evidence) -> tuple[list[int], PairEvidence | None]:
         return [], None
     middle = (strongest[0].image0 + strongest[0].image1) // 2
     ids = sorted({image for pair in evidence.pairs for image in (pair.image0, pair.image1)})
-    step = max(1, min(MAX_STEP, len(ids) // MAX_IMAGES))
-    ids = ids[::step]
+    images, inside = ids, list(evidence.pairs)
+    # Not every distance between images was measured: the largest step that has pairs is taken.
+    for step in range(max(1, min(MAX_STEP, len(ids) // MAX_IMAGES)), 0, -1):
+        images = _around(middle, ids[::step])
+        inside = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= set(images)]
+        if inside:
+            break
+    return images, max(inside, key=lambda pair: pair.strength, default=None)
+
+
+def _around(middle: int, ids: list[int]) -> list[int]:
+    """Return at most `MAX_IMAGES` successive ids, those around the one nearest to ``middle``."""
     nearest = min(range(len(ids)), key=lambda index: abs(ids[index] - middle))
     first = max(0, min(nearest - MAX_IMAGES // 2, len(ids) - MAX_IMAGES))
-    images = ids[first : first + MAX_IMAGES]
-    inside = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= set(images)]
-    return images, max(inside, key=lambda pair: pair.strength, default=None)
+    return ids[first : first + MAX_IMAGES]
 
 
 def _best(candidates: list[_Candidate], prior: float) -> float:

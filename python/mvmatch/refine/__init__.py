@@ -1,0 +1,7 @@
+"""Tracks aligned to the pictures, to a fraction of a pixel (docs/explanation/refinement.md)."""
+
+from mvmatch.refine.options import RefineOptions
+from mvmatch.refine.pictures import gray_pictures
+from mvmatch.refine.refinement import refine_tracks
+
+__all__ = ["RefineOptions", "gray_pictures", "refine_tracks"]
