@@ -1,6 +1,6 @@
 # The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench bench-accuracy fuzz fuzz-long fmt clean
+.PHONY: help setup demo test lint bench bench-accuracy bench-ablation bench-confidence fuzz fuzz-long fmt clean
 SHELL := /bin/bash
 
 # The first interpreter that runs, is new enough and can make virtual environments.
@@ -17,6 +17,8 @@ help:
 	@echo "make lint    rustfmt, clippy, ruff, pyright, import-linter, stubtest"
 	@echo "make bench   speed of the parser and of the front ends"
 	@echo "make bench-accuracy   points and poses of all methods against the truth (ACCURACY=options)"
+	@echo "make bench-ablation   the same for preset default with one part off at a time"
+	@echo "make bench-confidence   the confidence in vectors against how many are right"
 	@echo "make fuzz    every fuzz target for FUZZ_SECONDS (60); make fuzz-long reads damaged files"
 	@echo "make fmt     format all sources"
 	@echo "make setup   only the environment in $(VENV)"
@@ -85,6 +87,12 @@ ACCURACY ?=
 
 bench-accuracy: setup
 	$(BIN)/mvmatch bench accuracy --data $(TRUTH) -o out/accuracy $(ACCURACY)
+
+bench-ablation: setup
+	$(BIN)/mvmatch bench accuracy --data $(TRUTH) -o out/ablation --methods 'svt-default*' $(ACCURACY)
+
+bench-confidence: setup
+	$(BIN)/mvmatch bench confidence --data $(TRUTH) -o out/confidence --qualities 20,30,45
 
 # Coverage-guided fuzzing on the stable toolchain: libFuzzer without a sanitizer (all code is safe
 # Rust), with overflow checks and debug assertions. Needs a C++ compiler.

@@ -90,3 +90,31 @@ def expected_error(
 
     model = model or default_error_model()
     return vector_errors(field, weights=model.weights, num_neighbors=num_neighbors)
+
+
+def evidence(field: MotionField, *, num_neighbors: int = 12) -> NDArray[np.float64]:
+    """Return what the model knows of every vector; for fitting it.
+
+    Parameters
+    ----------
+    field : MotionField
+        Vectors of one coded frame.
+    num_neighbors : int
+        As for :func:`expected_error`.
+
+    Returns
+    -------
+    (N, 6) float64
+        Columns by :data:`EVIDENCE`; infinite where fewer than 4 neighbours exist.
+    """
+    from mvmatch._core import fit_neighbors
+
+    residual, spread, _, linear = fit_neighbors(field, num_neighbors=num_neighbors)
+    a, b = np.log(residual + 0.1), np.log(spread + 0.1)
+    area = field.block[:, 2] * field.block[:, 3]
+    slope = np.linalg.norm(linear, axis=1)
+    columns = [
+        np.ones(len(field)), a, b, a * b,
+        np.log1p(16 * field.residual / area), np.log(slope + 0.003),
+    ]  # fmt: skip
+    return np.stack(columns, axis=1).astype(np.float64)

@@ -115,6 +115,14 @@ def test_names_that_are_not_known_are_refused_before_anything_runs(
         run.cells_of(options_of(data, tmp_path, **changes))
 
 
+def test_a_pattern_stands_for_the_methods_it_matches_each_once(data, tmp_path):
+    options = options_of(data, tmp_path, methods=("svt-default-no-e*", "svt-default-no-extend"))
+    methods = [cell.method for cell in run.cells_of(options)]
+    assert "svt-default-no-error-bound" in methods
+    assert methods.count("svt-default-no-extend") == 1
+    assert "svt-default" not in methods
+
+
 def test_a_composed_sequence_is_composed_before_it_is_cut_to_length(data):
     assert len(run.open_sequence(data, "drive+repeats", 4)) == 4
     assert len(run.open_sequence(data, "drive+repeats", None)) == 7

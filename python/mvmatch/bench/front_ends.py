@@ -64,16 +64,15 @@ class Vectors:
     """Motion vectors of an AV1 encoder, chained to tracks; aligned to the frames if asked to."""
 
     encode: EncodeOptions
-    preset: str
-    """Of :class:`~mvmatch.tracks.TrackOptions`."""
+    track: TrackOptions
     refine: RefineOptions | None = None
 
     def __call__(self, clip: Clip) -> FrontEndResult:
         """Encode the frames unless it was done, and chain their vectors."""
-        stream, encoding = self._encoded(clip)
-        clock, options = StageClock(), TrackOptions.preset(self.preset)
+        stream, encoding = encoded_stream(clip, self.encode)
+        clock = StageClock()
         with clock.stage("match"):
-            match = match_video(stream, options=options, read=ReadOptions(threads=1))
+            match = match_video(stream, options=self.track, read=ReadOptions(threads=1))
         if self.refine is not None:
             require_opencv().setNumThreads(1)
             with clock.stage("refine"):
@@ -82,23 +81,32 @@ class Vectors:
         return FrontEndResult(
             matches=TrackMatches(match.tracks),
             cost={"encode": encoding["cpu_seconds"], **cost},
-            details={**encoding, "preset": self.preset},
+            details={**encoding, "track": dataclasses.asdict(self.track)},
         )
 
-    def _encoded(self, clip: Clip) -> tuple[Path, dict[str, Any]]:
-        """Return the stream and its facts; its sidecar says that it is complete."""
-        name = f"{self.encode.encoder}-{self.encode.usage}"
-        stream, sidecar = clip.scratch / f"{name}.ivf", clip.scratch / f"{name}.json"
-        if not sidecar.is_file():
-            options = dataclasses.replace(self.encode, check=False)
-            made = encode_video(clip.images, stream, options=options)
-            facts = {
-                "settings": made.settings,
-                "num_bytes": made.num_bytes,
-                "cpu_seconds": made.cpu_seconds,
-            }
-            sidecar.write_text(json.dumps(facts), encoding="utf-8")
-        return stream, json.loads(sidecar.read_text(encoding="utf-8"))
+
+def encoded_stream(clip: Clip, options: EncodeOptions) -> tuple[Path, dict[str, Any]]:
+    """Encode the frames of a clip unless it was done.
+
+    Returns
+    -------
+    tuple
+        The stream, and its ``settings``, ``num_bytes`` and ``cpu_seconds``.
+    """
+    name = f"{options.encoder}-{options.usage}"
+    if options.quality is not None:
+        name = f"{name}-q{options.quality}"
+    # The sidecar says that the stream is complete.
+    stream, sidecar = clip.scratch / f"{name}.ivf", clip.scratch / f"{name}.json"
+    if not sidecar.is_file():
+        made = encode_video(clip.images, stream, options=dataclasses.replace(options, check=False))
+        facts = {
+            "settings": made.settings,
+            "num_bytes": made.num_bytes,
+            "cpu_seconds": made.cpu_seconds,
+        }
+        sidecar.write_text(json.dumps(facts), encoding="utf-8")
+    return stream, json.loads(sidecar.read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -147,20 +155,41 @@ def sift_sequential(clip: Clip) -> FrontEndResult:
     )
 
 
-_ENCODERS = {
+ENCODERS = {
     "svt": EncodeOptions(encoder="svt"),
     "libaom-rt": EncodeOptions(encoder="libaom", usage="realtime"),
     "libaom-good": EncodeOptions(encoder="libaom", usage="good"),
 }
 PRESETS = ("default", "paper")
 
+ABLATIONS: dict[str, dict[str, Any]] = {
+    "no-error-bound": {"max_error": None},
+    "no-drift-bound": {"max_drift": None},
+    "no-error-model": {"max_error": None, "max_drift": None},
+    "translate": {"carry": "translate"},
+    "no-extend": {"extend": False},
+    "no-cosine": {"epsilon": None},
+    "no-zero": {"keep_zero": False},
+    "nearest": {"follow": "nearest"},
+    "8-neighbors": {"num_neighbors": 8},
+    "24-neighbors": {"num_neighbors": 24},
+    "no-cells": {"cell": None},
+    "cells-16": {"cell": 16},
+}
+"""One part of preset ``default`` off or changed: name to fields of ``TrackOptions``."""
+
 FRONT_ENDS: dict[str, FrontEnd] = {
     **{
-        f"{encoder}-{preset}": Vectors(encode=options, preset=preset)
-        for encoder, options in _ENCODERS.items()
+        f"{encoder}-{preset}": Vectors(encode=options, track=TrackOptions.preset(preset))
+        for encoder, options in ENCODERS.items()
         for preset in PRESETS
     },
-    "svt-refined": Vectors(encode=_ENCODERS["svt"], preset="default", refine=RefineOptions()),
+    **{
+        f"{encoder}-default-{name}": Vectors(encode=options, track=TrackOptions(**changes))
+        for encoder, options in ENCODERS.items()
+        for name, changes in ABLATIONS.items()
+    },
+    "svt-refined": Vectors(encode=ENCODERS["svt"], track=TrackOptions(), refine=RefineOptions()),
     "klt": Tracker("klt"),
     "dis": Tracker("dis"),
     "sift": sift_sequential,
@@ -168,7 +197,21 @@ FRONT_ENDS: dict[str, FrontEnd] = {
 """By name; a further method is one line."""
 
 SOURCES: dict[str, tuple[str, ...]] = {
-    "vectors": ("_core", "correspondences", "encode", "filters", "pipeline", "sources", "tracks"),
+    "vectors": (
+        "_core",
+        "cells",
+        "confidence",
+        "correspondences",
+        "encode",
+        "error_model",
+        "filters",
+        "footage",
+        "overlays",
+        "pipeline",
+        "shots",
+        "sources",
+        "tracks",
+    ),
     "refined": ("opencv", "refine"),
     "baselines": ("baselines", "opencv"),
 }

@@ -7,6 +7,7 @@ even the interpreter, leaves a cell that says so.
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import hashlib
 import json
 import shutil
@@ -53,6 +54,7 @@ class RunOptions:
     sequences: tuple[str, ...] = ()
     """Names, with ``+composition`` for composed ones; empty: every sequence as it is."""
     methods: tuple[str, ...] = ("svt-default", "svt-paper", "klt", "dis", "sift")
+    """Names, or patterns as of file names: ``svt-default*`` is the default and its ablations."""
     max_frames: int | None = 30
     map: bool = False
     """Also reconstruct, all points and every draw: slow."""
@@ -99,9 +101,12 @@ def cells_of(options: RunOptions) -> list[Cell]:
     """
     folders = find_sequences(options.data)
     wanted = options.sequences or tuple(folders)
-    for method in options.methods:
-        if method not in FRONT_ENDS:
-            raise DataError(f"there is no method {method}; there are {', '.join(FRONT_ENDS)}")
+    methods: dict[str, None] = {}
+    for pattern in options.methods:
+        matching = fnmatch.filter(FRONT_ENDS, pattern)
+        if not matching:
+            raise DataError(f"there is no method {pattern}; there are {', '.join(FRONT_ENDS)}")
+        methods.update(dict.fromkeys(matching))
     cells: list[Cell] = []
     for name in wanted:
         base, plus, composition = name.partition("+")
@@ -113,7 +118,7 @@ def cells_of(options: RunOptions) -> list[Cell]:
             )
         cells += [
             Cell(sequence=name, method=method, folder=folders[base], options=options)
-            for method in options.methods
+            for method in methods
         ]
     return cells
 
@@ -157,7 +162,7 @@ def compute_cell(cell: Cell) -> dict[str, Any]:
     """Run one front end on one sequence and judge it; no error of it gets out."""
     try:
         sequence = open_sequence(cell.folder, cell.sequence, cell.options.max_frames)
-        clip = _clip(sequence, cell)
+        clip = prepare_clip(sequence, cell.folder, cell.options.out, cell.options.max_frames)
         found = FRONT_ENDS[cell.method](clip)
         rows = judge(found.matches, sequence, cell.options.accuracy)
         lengths = found.matches.lengths()
@@ -188,12 +193,24 @@ def open_sequence(folder: Path, name: str, max_frames: int | None) -> Sequence:
     return sequence
 
 
-def _clip(sequence: Sequence, cell: Cell) -> Clip:
-    """Write the frames of a sequence where its methods find them, unless they are there."""
-    frames = "all" if cell.options.max_frames is None else str(cell.options.max_frames)
+def prepare_clip(sequence: Sequence, folder: Path, out: Path, max_frames: int | None) -> Clip:
+    """Write the frames of a sequence where its methods find them, unless they are there.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        As :func:`open_sequence` gives it.
+    folder : Path
+        Of the base sequence.
+    out : Path
+        Folder of the run.
+    max_frames : int or None
+        What the sequence was cut to.
+    """
+    frames = "all" if max_frames is None else str(max_frames)
     code = code_digest(("bench/compose.py", "bench/datasets.py", "encode"))[:8]
-    made_of = f"{folder_digest(cell.folder)[:8]}-{code}"
-    scratch = cell.options.out / SCRATCH / f"{cell.sequence}-{frames}-{made_of}"
+    made_of = f"{folder_digest(folder)[:8]}-{code}"
+    scratch = out / SCRATCH / f"{sequence.name}-{frames}-{made_of}"
     images = scratch / "images"
     if not images.is_dir():
         partial = scratch / "images.partial"

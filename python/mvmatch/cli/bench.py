@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from cyclopts import App
 
@@ -40,7 +41,8 @@ def accuracy(
         1080p). Without it all of them as they are.
     methods
         Names, separated by commas, such as svt-default, svt-paper, svt-refined, libaom-rt-default,
-        libaom-good-default, klt, dis, sift.
+        libaom-good-default, klt, dis, sift, or patterns: "svt-default*" is preset default with one
+        part off at a time.
     frames
         First frames of each sequence; 0 for all.
     draws
@@ -71,6 +73,60 @@ def accuracy(
         made=made,
         figures={"results": str(len(results)), "failed": ", ".join(failed) or "none"},
         table=(out / TABLES).read_text(encoding="utf-8"),
+    )
+
+
+@app.command
+def confidence(
+    *,
+    data: list[Path],
+    out: Output = Path("out/confidence"),
+    sequences: str = "",
+    encoders: str = "",
+    qualities: str = "",
+    frames: int = 60,
+    json: Json = False,
+) -> Outcome:
+    """Compare the confidence in motion vectors with how many of them are right.
+
+    Encoded streams are kept. Only sequences with exact point truth can be used.
+
+    Parameters
+    ----------
+    data
+        Folders that are sequences or hold some; can be repeated.
+    out
+        Folder for the table, the diagram and streams.
+    sequences
+        Names, separated by commas; NAME+COMPOSITION for a composed one. Without it all of them as
+        they are.
+    encoders
+        Names, separated by commas, of svt, libaom-rt, libaom-good; all without.
+    qualities
+        CRF values, separated by commas; the encoders' default without.
+    frames
+        First frames of each sequence, of which every third is used; 0 for all.
+    """
+    from mvmatch.bench.reliability import ReliabilityOptions, measure
+    from mvmatch.bench.reliability_report import TABLE, write_reliability
+
+    options = ReliabilityOptions(
+        data=tuple(data),
+        out=out,
+        sequences=_words(sequences),
+        encoders=_words(encoders) or ReliabilityOptions.encoders,
+        qualities=tuple(int(word) for word in _words(qualities)) or ReliabilityOptions.qualities,
+        max_frames=frames or None,
+    )
+    results: list[Any] = []
+    for stream, reliability in measure(options):
+        print(f"{stream.sequence} {stream.encoder} {stream.quality}", file=sys.stderr, flush=True)
+        results.append((stream, reliability))
+    made = write_reliability(results, options)
+    return Outcome(
+        made=made,
+        figures={"streams": str(len(results))},
+        table=(out / TABLE).read_text(encoding="utf-8"),
     )
 
 
