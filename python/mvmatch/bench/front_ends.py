@@ -166,7 +166,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "no-error-bound": {"max_error": None},
     "no-drift-bound": {"max_drift": None},
     "no-error-model": {"max_error": None, "max_drift": None},
-    "translate": {"carry": "translate"},
+    "fuse": {"carry": "fuse"},
     "no-extend": {"extend": False},
     "no-cosine": {"epsilon": None},
     "no-zero": {"keep_zero": False},

@@ -43,10 +43,10 @@ impl MvStack {
     /// one past the end when there is no room. The second vector of single prediction is zero
     /// throughout.
     pub(super) fn add(&mut self, mvs: [MotionVector; 2], weight: u32) -> usize {
-        let (found, key) = (self.num_found, key(&mvs));
+        let (found, key) = (self.num_found, key(mvs));
         let index = self.mvs[..found]
             .iter()
-            .position(|entry| self::key(entry) == key)
+            .position(|&entry| self::key(entry) == key)
             .unwrap_or(found);
         if index < found {
             self.weights[index] += weight;
@@ -97,7 +97,7 @@ impl MvStack {
 
 /// Two vectors as one word, which is compared at once.
 #[inline]
-fn key(mvs: &[MotionVector; 2]) -> u64 {
+fn key(mvs: [MotionVector; 2]) -> u64 {
     let half = |mv: MotionVector| u64::from(mv.row as u16) | u64::from(mv.col as u16) << 16;
     half(mvs[0]) | half(mvs[1]) << 32
 }
