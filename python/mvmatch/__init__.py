@@ -38,8 +38,10 @@ if TYPE_CHECKING:
     from mvmatch.export.scores import (
         score_database,
     )
-    from mvmatch.pipeline import (
+    from mvmatch.matching import (
         match_video,
+    )
+    from mvmatch.pipeline import (
         reconstruct_video,
     )
     from mvmatch.sfm import (
@@ -126,7 +128,8 @@ _HOME = {
     ],
     "export.colmap": ["write_database"],
     "export.scores": ["score_database"],
-    "pipeline": ["match_video", "reconstruct_video"],
+    "matching": ["match_video"],
+    "pipeline": ["reconstruct_video"],
     "sfm": ["MapperOptions", "reconstruct"],
     "sources": ["Limits", "MotionSource", "ReadOptions", "open_video"],
     "store": ["read_tracks", "write_tracks"],

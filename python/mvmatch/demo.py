@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mvmatch.pipeline import Progress
+    from mvmatch.matching import Progress
 
 IMAGES = "images"
 """Folder of the rendered frames."""

@@ -1,12 +1,11 @@
-"""From a video to tracks, and from a video to a model: the only place that knows the order."""
+"""From a video to a model: the only place that knows the order of the stages."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,84 +13,31 @@ from mvmatch import outputs
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode import EncodeResult, encode_video
-from mvmatch.errors import DataError, MvmatchError, NotAv1Error
+from mvmatch.errors import DataError, NotAv1Error
 from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
-from mvmatch.footage import Footage, FootageObserver, FootageOptions
 from mvmatch.geometry.movers import track_weights
+from mvmatch.matching import (
+    Match,
+    Progress,
+    match_video,
+    open_source,
+    refine_match,
+    stage_progress,
+)
 from mvmatch.measure import StageClock, peak_rss_mb
 from mvmatch.opencv import require_opencv
-from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
 from mvmatch.sfm import densify, reconstruct, write_model
-from mvmatch.sources import (
-    FrameFacts,
-    MotionSource,
-    ReadOptions,
-    ReferenceStructure,
-    Skipped,
-    UntilDamage,
-    open_video,
-)
-from mvmatch.store import StoredMotion, TracksTable, is_table, write_tracks
-from mvmatch.tracks import TrackOptions, chain_fields
-from mvmatch.types import Tracks, VideoInfo
+from mvmatch.store import TracksTable, write_tracks
+from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
     from numpy.typing import NDArray
 
     from mvmatch.camera import CameraChoice
     from mvmatch.export.colmap import DatabaseSummary
     from mvmatch.sfm import DensifyOptions, DensifySummary, MapperOptions, ReconstructionResult
-
-
-class Progress(Protocol):
-    """Told how far a stage is; ``total`` is None where nobody knows."""
-
-    def __call__(self, stage: str, done: int, total: int | None) -> None:
-        """Take note."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Match:
-    """Tracks of a video and how the video was coded."""
-
-    tracks: Tracks
-    """What is matched and mapped."""
-    further: Tracks
-    """Tracks of ``TrackOptions.fill``, which only make a model denser; none without."""
-    info: VideoInfo
-    """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
-    frames: tuple[FrameFacts, ...]
-    """Header facts in decode order."""
-    structure: ReferenceStructure
-    """Counts of vectors per reference distance and frame pair."""
-    footage: Footage
-    """Cuts, repeated pictures and static overlays; the tracks heed them."""
-    damage: MvmatchError | None
-    """Why the stream broke off; the tracks cover the frames before."""
-    skipped: tuple[Skipped, ...] = ()
-    """What could not be read of a stream that was read on after damage."""
-
-    @property
-    def all_tracks(self) -> Tracks:
-        """The tracks and the further ones behind them."""
-        return Tracks.concatenate(self.tracks, self.further)
-
-    @property
-    def num_frames(self) -> int:
-        """Pictures, display index 0 to ``num_frames - 1``."""
-        return self.info.num_frames or 0
-
-    @property
-    def warnings(self) -> list[str]:
-        """What makes matching hard, and damage, in sentences."""
-        found = self.structure.warnings(self.frames) + self.footage.warnings()
-        if self.damage is not None:
-            found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
-        return [*skipped_warnings(self.skipped), *found]
+    from mvmatch.tracks import TrackOptions
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,137 +56,6 @@ class Run:
     """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
     data: dict[str, Any]
     """The report (docs/reference/report-schema.md)."""
-
-
-def match_video(
-    video: Path,
-    *,
-    options: TrackOptions | None = None,
-    footage: FootageOptions | None = None,
-    read: ReadOptions | None = None,
-    progress: Progress | None = None,
-) -> Match:
-    """Read a video's motion vectors and chain them into tracks.
-
-    Parameters
-    ----------
-    video : Path
-        An AV1 video, or a motion table that ``mvmatch extract`` wrote.
-    options : TrackOptions, optional
-        How vectors become tracks; the default preset without.
-    footage : FootageOptions, optional
-        What counts as a cut, a repeated picture and a static overlay.
-    read : ReadOptions, optional
-        What the stream may cost, what happens where it is damaged, and which layers of a scalable
-        stream are read; see :func:`mvmatch.sources.open_video`.
-    progress : Progress, optional
-        Told after each frame.
-
-    Returns
-    -------
-    Match
-        Tracks in px. When the stream is damaged after its second picture, those of the pictures
-        before, with the damage named.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    DataError
-        The file is not a video, has no motion vectors (one frame, key frames only) or does not have
-        the operating point.
-    UnsupportedError
-        The video is not AV1, or uses a tool that is not handled.
-    BitstreamError
-        It is damaged before there are two pictures.
-    """
-    options = options or TrackOptions.preset("default")
-    structure, observer = ReferenceStructure(), FootageObserver(footage)
-    with open_source(video, read) as source:
-        reading = UntilDamage(source, structure, _stage(progress, "match"))
-        tracks, further = chain_fields(observer.watch(reading), options=options)
-        frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
-    num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
-    if reading.damage is not None:
-        if num_frames < 2:
-            raise reading.damage
-        tracks, further = (_first_frames(each, num_frames) for each in (tracks, further))
-    _require_motion(video, frames, structure, num_frames)
-    tracks, found = observer.clean(tracks, min_length=options.min_length)
-    further, _ = observer.clean(further, min_length=options.min_length)
-    return Match(
-        tracks=tracks,
-        further=further,
-        info=dataclasses.replace(info, num_frames=num_frames),
-        frames=frames,
-        structure=structure,
-        footage=found,
-        damage=reading.damage,
-        skipped=skipped,
-    )
-
-
-def refine_match(
-    match: Match,
-    pictures: Path,
-    *,
-    options: RefineOptions | None = None,
-    progress: Progress | None = None,
-) -> Match:
-    """Align the tracks of a video to its pictures.
-
-    Parameters
-    ----------
-    match : Match
-        Of :func:`match_video`.
-    pictures : Path
-        The video, or the video or folder of images it was encoded from.
-    options : RefineOptions, optional
-        See :func:`mvmatch.refine.refine_tracks`; ``enabled`` is not looked at.
-    progress : Progress, optional
-        Told after each picture.
-
-    Returns
-    -------
-    Match
-        With other tracks.
-
-    Raises
-    ------
-    MissingExtraError
-        OpenCV is not installed.
-    DataError
-        The pictures cannot be decoded, have another size than the video, or show something else;
-        or parts of the stream were skipped, so that nobody knows which picture is which.
-    """
-    if is_table(pictures):
-        message = f"{pictures} holds no pictures to refine with. Give the video itself"
-        raise DataError(message)
-    if match.skipped:
-        message = "tracks of a damaged stream that was read on cannot be refined. Do without"
-        raise DataError(message)
-    decoded = _pictures(match, pictures, _stage(progress, "refine"))
-    tracks = refine_tracks(match.tracks, decoded, options=options)
-    if len(match.tracks) and not len(tracks):
-        message = f"no track fits the pictures of {pictures}. Are they those of the video?"
-        raise DataError(message)
-    return dataclasses.replace(match, tracks=tracks)
-
-
-def _pictures(
-    match: Match, source: Path, tell: Callable[[int, int | None], None] | None
-) -> Iterator[NDArray[np.uint8]]:
-    """Yield the pictures of a video in grey, of the size that its tracks are in."""
-    size = (match.info.width, match.info.height)
-    for number, picture in enumerate(gray_pictures(source, max_frames=match.num_frames), 1):
-        if picture.shape[::-1] != size:
-            message = "{} has pictures of {}x{} px, its tracks are in {}x{} px".format(
-                source, *picture.shape[::-1], *size
-            )
-            raise DataError(message)
-        yield picture
-        if tell is not None:
-            tell(number, match.num_frames)
 
 
 def reconstruct_video(
@@ -398,47 +213,6 @@ def _moved(run: Run, path: Path) -> Run:
     return dataclasses.replace(run, model=dataclasses.replace(run.model, path=path))
 
 
-def open_source(path: Path, options: ReadOptions | None = None) -> MotionSource:
-    """Open a video or a stored motion table; see :func:`mvmatch.sources.open_video`."""
-    options = options or ReadOptions()
-    if is_table(path):
-        return StoredMotion(path)
-    return open_video(
-        path,
-        errors=options.errors,
-        limits=options.limits,
-        operating_point=options.operating_point,
-        threads=options.threads,
-    )
-
-
-def skipped_warnings(skipped: Sequence[Skipped]) -> list[str]:
-    """Say what was left out of a stream: the first five places, and how many more there are."""
-    shown = [f"A part of the stream was skipped. {part}" for part in skipped[:5]]
-    if len(skipped) > 5:
-        shown.append(f"{len(skipped) - 5} more parts of the stream were skipped.")
-    return shown
-
-
-def _require_motion(
-    video: Path, frames: Sequence[FrameFacts], structure: ReferenceStructure, num_frames: int
-) -> None:
-    if num_frames < 2:
-        message = f"{video} shows only one picture; motion needs at least two. Give a longer video"
-        raise DataError(message)
-    if structure.num_vectors:
-        return
-    if all(frame.frame_type == "KEY" for frame in frames if not frame.is_repeat):
-        reason = f"every one of its {num_frames} frames is a key frame"
-    else:
-        reason = "none of its blocks is predicted from another picture"
-    message = (
-        f"{video} holds no motion vectors: {reason}. "
-        f"Encode it anew for matching: mvmatch run {video} --re-encode, or mvmatch encode"
-    )
-    raise DataError(message)
-
-
 def _require_tracks(video: Path, match: Match, options: TrackOptions) -> None:
     if len(match.tracks):
         return
@@ -471,7 +245,7 @@ def _encoded(
         except NotAv1Error:
             pass  # any video that FFmpeg decodes can be encoded
 
-    tell = _stage(progress, "encode")
+    tell = stage_progress(progress, "encode")
     result = encode_video(source, staging / outputs.VIDEO, options=options.encode, progress=tell)
     return result.path, result
 
@@ -485,25 +259,6 @@ def _image_names(num_frames: int, encoding: EncodeResult | None) -> tuple[str, .
 def frame_names(num_frames: int) -> tuple[str, ...]:
     """Names of a video's frames in a COLMAP model; they sort in frame order."""
     return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
-
-
-def _first_frames(tracks: Tracks, num_frames: int) -> Tracks:
-    """Drop observations of pictures that the stream announced but never showed."""
-    keep = tracks.frame < num_frames
-    length = np.add.reduceat(keep, tracks.offsets[:-1]) if len(tracks) else np.zeros(0, np.int64)
-    # Frames increase in a track, so what is cut is its end; a single point is no track.
-    keep &= np.repeat(length > 1, np.diff(tracks.offsets))
-    length = length[length > 1]
-    return Tracks(
-        offsets=np.concatenate([[0], np.cumsum(length)]).astype(np.int64),
-        frame=tracks.frame[keep],
-        xy=tracks.xy[keep],
-    )
-
-
-def _stage(progress: Progress | None, stage: str) -> Callable[[int, int | None], None] | None:
-    """Return the progress of one stage."""
-    return None if progress is None else functools.partial(progress, stage)
 
 
 def _tell(progress: Progress | None, stage: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
-from mvmatch.pipeline import match_video
+from mvmatch.matching import match_video
 from mvmatch.store import read_tracks
 
 if TYPE_CHECKING:

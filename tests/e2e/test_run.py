@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
-from mvmatch.pipeline import match_video
+from mvmatch.matching import match_video
 from mvmatch.sources import open_video
 from mvmatch.store import StoredMotion
 from mvmatch.testing import check_source

@@ -13,7 +13,7 @@ pytest.importorskip("mvmatch._core", reason="the compiled module is not built")
 
 from mvmatch.cli import main
 from mvmatch.errors import DataError
-from mvmatch.pipeline import match_video
+from mvmatch.matching import match_video
 from mvmatch.sources import ReadOptions, open_video
 from mvmatch.sources.av1 import Av1Source
 from mvmatch.types import MotionFlags

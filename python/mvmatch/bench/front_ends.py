@@ -16,8 +16,8 @@ from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.digests import code_digest
 from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
 from mvmatch.encode import EncodeOptions, encode_video
+from mvmatch.matching import match_video, refine_match
 from mvmatch.measure import StageClock
-from mvmatch.pipeline import match_video, refine_match
 from mvmatch.refine import RefineOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
@@ -207,7 +207,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "filters",
         "footage",
         "overlays",
-        "pipeline",
+        "matching",
         "shots",
         "sources",
         "tracks",

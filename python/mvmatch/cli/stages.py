@@ -33,7 +33,7 @@ def probe(
     clip
         An AV1 video, or a motion table.
     """
-    from mvmatch.pipeline import open_source, skipped_warnings
+    from mvmatch.matching import open_source, skipped_warnings
     from mvmatch.sources import ReferenceStructure, UntilDamage
 
     structure = ReferenceStructure()
@@ -120,7 +120,7 @@ def extract(
     table
         The Parquet file to write.
     """
-    from mvmatch.pipeline import skipped_warnings
+    from mvmatch.matching import skipped_warnings
     from mvmatch.sources import ReferenceStructure, UntilDamage, open_video
     from mvmatch.store import write_motion
 
@@ -170,7 +170,8 @@ def track(
     table
         The Parquet file to write.
     """
-    from mvmatch.pipeline import frame_names, match_video, refine_match
+    from mvmatch.matching import match_video, refine_match
+    from mvmatch.pipeline import frame_names
     from mvmatch.store import TracksTable, write_tracks
 
     chosen = with_refinement((settings or Settings()).options(), refine)
