@@ -17,7 +17,7 @@ import numpy as np
 
 from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.datasets import Frames, Sequence
-from mvmatch.bench.patches import PATCHES, PatchedFrames, PatchedTruth
+from mvmatch.bench.patches import PATCHES, PatchedFrames, PatchedTruth, write_png
 from mvmatch.bench.truth import StillTruth, Targets, Truth, inside
 from mvmatch.errors import DataError
 
@@ -74,10 +74,7 @@ class ComposedFrames:
 
     def write(self, index: int, path: Path) -> Path:
         """Write one picture as PNG."""
-        target = path.with_suffix(".png")
-        if not require_opencv().imwrite(str(target), self.read(index)):
-            raise DataError(f"cannot write {target}")
-        return target
+        return write_png(self.read(index), path)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -101,10 +101,7 @@ class PatchedFrames:
 
     def write(self, index: int, path: Path) -> Path:
         """Write one picture as PNG."""
-        target = path.with_suffix(".png")
-        if not require_opencv().imwrite(str(target), self.read(index)):
-            raise DataError(f"cannot write {target}")
-        return target
+        return write_png(self.read(index), path)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,3 +134,17 @@ class PatchedTruth:
         visible = np.where(owner < 0, found.visible, inside(target, self.size))
         visible &= self.patch_at(frame1, target) == owner
         return Targets(xy=target, visible=visible, moving=found.moving | (owner >= 0))
+
+
+def write_png(image: NDArray[np.uint8], path: Path) -> Path:
+    """Write a picture, (H, W, 3) blue green red, as PNG; returns its path, suffix set.
+
+    Raises
+    ------
+    DataError
+        It cannot be written.
+    """
+    target = path.with_suffix(".png")
+    if not require_opencv().imwrite(str(target), image):
+        raise DataError(f"cannot write {target}")
+    return target
