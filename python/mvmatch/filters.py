@@ -52,7 +52,7 @@ def fuse_neighbors(field: MotionField, *, num_neighbors: int = 12) -> MotionFiel
 
 
 def drop_uncertain(
-    field: MotionField, *, max_error: float = 0.3, num_neighbors: int = 12
+    field: MotionField, *, max_error: float = 0.2, num_neighbors: int = 12
 ) -> MotionField:
     """Remove vectors whose expected error, fused with their neighbours, is above ``max_error`` px.
 

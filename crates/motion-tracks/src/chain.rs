@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::cover::Cover;
 use crate::field::center;
 use crate::link::{Layer, LinkOptions};
-use crate::motion::{Follow, Parallax, length};
+use crate::motion::{Follow, length};
 use crate::tracks::{Observation, Tracks};
 
 /// A point that has reached a frame.
@@ -17,8 +17,6 @@ struct Head {
     step: Option<[f32; 2]>,
     /// Accumulated squared error, px².
     variance: f32,
-    /// What sets the point apart from its surroundings.
-    parallax: Parallax,
     /// Whether the observation is already part of the track.
     settled: bool,
 }
@@ -136,7 +134,6 @@ impl Chain {
                 xy,
                 step: None,
                 variance: 0.0,
-                parallax: Parallax::default(),
                 settled: true,
             });
         }
@@ -206,10 +203,8 @@ impl Chain {
 
     fn step(&mut self, layer: &Layer, row: usize, head: &Head) {
         let middle = center(layer.block(row));
-        let frames = layer.frame - layer.references[row];
-        let parallax = head.parallax.after(layer.parallax(row), frames);
         let offset = [head.xy[0] - middle[0], head.xy[1] - middle[1]];
-        let moved = parallax.applied(layer.motion(row).at(offset), layer.parallax(row), frames);
+        let moved = layer.motion(row).at(offset);
         let xy = [head.xy[0] + moved[0], head.xy[1] + moved[1]];
         if !inside(xy, layer.width, layer.height) {
             return;
@@ -228,7 +223,6 @@ impl Chain {
                 xy,
                 step: Some(step),
                 variance,
-                parallax,
                 settled: false,
             };
             self.pending.entry(reference).or_default().push(arrival);

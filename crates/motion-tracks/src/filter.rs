@@ -1,5 +1,6 @@
 //! Neighbour consistency: does a vector agree with an affine motion of the blocks around it?
 
+use crate::curvature::{Support, add_curvature, distance};
 use crate::field::{Field, center};
 use crate::neighbors::{NeighborSearch, Neighbors};
 
@@ -33,11 +34,11 @@ impl Default for FitOptions {
 /// What the neighbours of a block say about its motion; the block itself has no vote.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalFit {
-    /// Distance between the block's vector and the fit at its centre, px; infinite if unconfirmed.
+    /// Distance between the block's vector and `vector`, px; infinite if unconfirmed.
     pub residual: f32,
     /// Robust scatter of the neighbours' vectors about the fit, px; infinite if unconfirmed.
     pub spread: f32,
-    /// Fitted vector at the block's centre, px; the block's own vector if unconfirmed.
+    /// Motion of the surroundings at the block's centre, px; the block's own vector if unconfirmed.
     pub vector: [f32; 2],
     /// `[dx/dx, dx/dy, dy/dx, dy/dy]` of the vector field, px per px; zero if unconfirmed.
     pub linear: [f32; 4],
@@ -46,8 +47,9 @@ pub struct LocalFit {
 /// Fits the motion around every row from the nearest blocks that use the same reference.
 ///
 /// Neighbours are weighted by distance and, in each further round, by their own residual (Cauchy),
-/// so that a minority of wrong vectors does not bend the fit. Scaling the blocks leaves the choice
-/// of neighbours alone: equal distances are ordered by row.
+/// so that a minority of wrong vectors does not bend the fit. Then what the fits miss in common is
+/// added ([`crate::curvature`]). Scaling the blocks leaves the choice of neighbours alone: equal
+/// distances are ordered by row.
 ///
 /// # Panics
 /// If the field does not pass [`Field::validate`].
@@ -60,16 +62,18 @@ pub fn fit_neighbors(field: &Field<'_>, options: &FitOptions) -> Vec<LocalFit> {
         linear: [0.0; 4],
     };
     let mut fits: Vec<LocalFit> = field.vectors.iter().map(unconfirmed).collect();
+    let mut support = Support::default();
     let count = options.neighbors.clamp(1, MAX_NEIGHBORS);
     for rows in rows_by_reference(field.references) {
         let search = NeighborSearch::new(field.blocks, &rows);
         for &row in &rows {
             let neighbors = search.nearest(row, count);
             if neighbors.len() >= options.min_neighbors.max(1) {
-                fits[row as usize] = fit_row(field, row, &neighbors, options);
+                fits[row as usize] = fit_row(field, row, &neighbors, options, &mut support);
             }
         }
     }
+    add_curvature(field.vectors, &mut fits, &support);
     fits
 }
 
@@ -98,7 +102,13 @@ struct Vote {
     residual: f64,
 }
 
-fn fit_row(field: &Field<'_>, row: u32, neighbors: &Neighbors, options: &FitOptions) -> LocalFit {
+fn fit_row(
+    field: &Field<'_>,
+    row: u32,
+    neighbors: &Neighbors,
+    options: &FitOptions,
+    support: &mut Support,
+) -> LocalFit {
     let mut storage = [Vote::default(); MAX_NEIGHBORS];
     let votes = &mut storage[..neighbors.len()];
     let scale = gather(field, row, neighbors, votes);
@@ -108,13 +118,14 @@ fn fit_row(field: &Field<'_>, row: u32, neighbors: &Neighbors, options: &FitOpti
         model = solve(votes, options.ridge);
         spread = reweight(votes, &model);
     }
+    let weights = votes.iter().map(|vote| narrow(vote.weight));
+    support.push(row, neighbors.rows().zip(weights));
     let [x, y] = model;
-    let own = field.vectors[row as usize];
-    let (dx, dy) = (f64::from(own[0]) - x[0], f64::from(own[1]) - y[0]);
+    let vector = [narrow(x[0]), narrow(y[0])];
     LocalFit {
-        residual: narrow(dx.hypot(dy)),
+        residual: distance(field.vectors[row as usize], vector),
         spread: narrow(spread),
-        vector: [narrow(x[0]), narrow(y[0])],
+        vector,
         linear: [x[1], x[2], y[1], y[2]].map(|slope| narrow(slope / scale)),
     }
 }
@@ -148,7 +159,7 @@ fn gather(field: &Field<'_>, row: u32, neighbors: &Neighbors, votes: &mut [Vote]
 }
 
 /// Smallest residual scale of the reweighting, px: vectors are quantised and search is not exact.
-const MIN_SCALE: f64 = 0.25;
+pub(crate) const MIN_SCALE: f64 = 0.25;
 
 /// Cauchy weights about the current model; returns the median residual, px.
 fn reweight(votes: &mut [Vote], [x, y]: &[[f64; 3]; 2]) -> f64 {

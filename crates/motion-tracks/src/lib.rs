@@ -17,6 +17,7 @@
 mod chain;
 mod confidence;
 mod cover;
+mod curvature;
 mod extend;
 mod field;
 mod filter;

@@ -55,8 +55,6 @@ pub(crate) struct Layer {
     pub(crate) references: Vec<i32>,
     /// Slopes of the motion; empty when points are translated.
     slopes: Vec<[f32; 4]>,
-    /// Vectors less what the neighbours predict, px; empty when points are translated.
-    parallaxes: Vec<[f32; 2]>,
     /// Median errors, px at rest; empty without a model.
     errors: Vec<f32>,
 }
@@ -75,11 +73,6 @@ impl Layer {
     /// Squared error that following a row adds, px².
     pub(crate) fn variance(&self, row: usize) -> f32 {
         self.errors.get(row).map_or(0.0, |error| error * error)
-    }
-
-    /// How the vector of a row differs from what its neighbours predict, px.
-    pub(crate) fn parallax(&self, row: usize) -> [f32; 2] {
-        self.parallaxes.get(row).copied().unwrap_or_default()
     }
 
     pub(crate) fn motion(&self, row: usize) -> Motion {
@@ -136,7 +129,6 @@ impl Linker {
             vectors: Vec::new(),
             references: Vec::new(),
             slopes: Vec::new(),
-            parallaxes: Vec::new(),
             errors: Vec::new(),
         };
         for (row, &vector) in field.vectors.iter().enumerate() {
@@ -161,10 +153,6 @@ impl Linker {
             layer.references.push(field.references[row]);
             if options.carry != Carry::Translate {
                 layer.slopes.push(motion.linear);
-                let surrounding = fit.map_or(vector, |fit| fit.vector);
-                layer
-                    .parallaxes
-                    .push([vector[0] - surrounding[0], vector[1] - surrounding[1]]);
             }
             layer.errors.extend(error);
         }

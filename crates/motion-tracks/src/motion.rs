@@ -50,47 +50,6 @@ pub(crate) fn length([x, y]: [f32; 2]) -> f32 {
     x.hypot(y)
 }
 
-/// How a track moves against its surroundings, px per frame towards the past.
-///
-/// One vector cannot tell a depth edge from noise: both differ from what the neighbours predict. What
-/// lasts over frames is real.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Parallax {
-    sum: [f32; 2],
-    weight: f32,
-}
-
-impl Parallax {
-    /// Weight that a frame earlier loses at each step.
-    const MEMORY: f32 = 0.5;
-    /// Weight of the prior "moves as its surroundings do"; with 1 the first step is the mean of the
-    /// vector and the prediction of its neighbours.
-    const PRIOR: f32 = 1.0;
-
-    /// With what a vector over `frames` frames adds.
-    pub(crate) fn after(self, seen: [f32; 2], frames: i32) -> Self {
-        let per_frame = 1.0 / distance(frames);
-        Self {
-            sum: [0, 1].map(|axis| Self::MEMORY * self.sum[axis] + seen[axis] * per_frame),
-            weight: Self::MEMORY * self.weight + 1.0,
-        }
-    }
-
-    /// A fused step, which holds half of what was seen, with the parallax in its place.
-    pub(crate) fn applied(self, moved: [f32; 2], seen: [f32; 2], frames: i32) -> [f32; 2] {
-        let share = distance(frames) / (self.weight + Self::PRIOR);
-        [0, 1].map(|axis| moved[axis] - seen[axis] / 2.0 + self.sum[axis] * share)
-    }
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "references are fewer than 2^24 frames away"
-)]
-fn distance(frames: i32) -> f32 {
-    frames as f32
-}
-
 /// First-order motion of a block about its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Motion {
@@ -190,22 +149,5 @@ mod tests {
             linear: [-2.0, 0.0, 0.0, 0.0],
         };
         assert_eq!(folded.origin_of([1.0, 1.0]), None);
-    }
-
-    #[test]
-    fn the_first_step_of_a_track_is_the_fused_one_and_what_lasts_is_believed() {
-        let (fused, seen) = ([4.0, 0.0], [2.0, 0.0]);
-        let first = Parallax::default().after(seen, 1);
-        assert_eq!(first.applied(fused, seen, 1), fused);
-        let lasting = first.after(seen, 1).after(seen, 1);
-        assert!(lasting.applied(fused, seen, 1)[0] > 4.25);
-        let noise = first.after([-2.0, 0.0], 1);
-        assert!(noise.applied([2.0, 0.0], [-2.0, 0.0], 1)[0] > 2.25);
-    }
-
-    #[test]
-    fn parallax_is_per_frame_and_turns_with_the_direction_of_time() {
-        let parallax = Parallax::default().after([2.0, 0.0], 2);
-        assert_eq!(parallax, Parallax::default().after([-1.0, 0.0], -1));
     }
 }

@@ -79,7 +79,7 @@ class Vectors:
                 match = refine_match(match, clip.images, options=self.refine)
         cost = {stage.name: stage.cpu_s for stage in clock.stages}
         return FrontEndResult(
-            matches=TrackMatches(match.tracks),
+            matches=TrackMatches(match.tracks, match.further if len(match.further) else None),
             cost={"encode": encoding["cpu_seconds"], **cost},
             details={**encoding, "track": dataclasses.asdict(self.track)},
         )
@@ -160,13 +160,13 @@ ENCODERS = {
     "libaom-rt": EncodeOptions(encoder="libaom", usage="realtime"),
     "libaom-good": EncodeOptions(encoder="libaom", usage="good"),
 }
-PRESETS = ("default", "paper")
+PRESETS = ("default", "paper", "dense", "fast")
 
 ABLATIONS: dict[str, dict[str, Any]] = {
     "no-error-bound": {"max_error": None},
     "no-drift-bound": {"max_drift": None},
     "no-error-model": {"max_error": None, "max_drift": None},
-    "fuse": {"carry": "fuse"},
+    "translate": {"carry": "translate"},
     "no-extend": {"extend": False},
     "no-cosine": {"epsilon": None},
     "no-zero": {"keep_zero": False},

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.geometry.point_error import distinct_points
 from mvmatch.geometry.trajectory import relative_trajectory_error, trajectory_error
 from mvmatch.measure import StageClock
 from mvmatch.sfm import MapperOptions, reconstruct
@@ -38,10 +39,11 @@ def map_matches(
     Returns
     -------
     dict
-        ``draw``, ``accepted``, ``registered`` images of ``total``, ``points``,
-        ``track_length``, ``reprojection_px``, ``ate_percent`` of the path (infinite without a
-        model), ``ate``, ``rpe`` (units of the truth, over one frame), ``rpe_deg``, and the CPU
-        seconds ``verify_cpu_s`` and ``map_cpu_s``.
+        ``draw``, ``accepted``, ``registered`` images of ``total``, ``points``, of them
+        ``distinct_points`` (in no image within 1 px of an earlier one), ``track_length``,
+        ``reprojection_px``, ``ate_percent`` of the path (infinite without a model), ``ate``,
+        ``rpe`` (units of the truth, over one frame), ``rpe_deg``, and the CPU seconds
+        ``verify_cpu_s``, ``map_cpu_s`` and ``densify_cpu_s``.
     """
     clock = StageClock()
     names = [path.name for path in sorted(clip.images.iterdir())]
@@ -51,19 +53,42 @@ def map_matches(
             matches.write(database, clip.camera, names, sample=sample)
         with clock.stage("map"):
             model = reconstruct(database, Path(folder) / "sparse", options=MAPPER)
+        with clock.stage("densify"):
+            if model.reconstruction is not None and model.accepted:
+                matches.densify(model.reconstruction, sample=sample)
     row: dict[str, Any] = {
         "draw": -1 if sample is None else sample.seed,
         "accepted": model.accepted,
         "reasons": list(model.reasons),
         "registered": model.registered,
         "total": len(sequence),
-        "points": model.num_points,
+        **_points(model.reconstruction),
         "track_length": model.mean_track_length,
         "reprojection_px": model.mean_reprojection_error,
         "verify_cpu_s": clock.stages[0].cpu_s,
         "map_cpu_s": clock.stages[1].cpu_s,
+        "densify_cpu_s": clock.stages[2].cpu_s,
     }
     return row | _errors(model.reconstruction if model.accepted else None, sequence)
+
+
+def _points(model: pycolmap.Reconstruction | None) -> dict[str, int]:
+    if model is None:
+        return {"points": 0, "distinct_points": 0}
+    repeated: set[int] = set()
+    for image_id in model.reg_image_ids():
+        observations = [
+            (point.point3D_id, point.xy)
+            for point in model.image(image_id).points2D
+            if point.has_point3D()
+        ]
+        observations.sort(key=lambda observation: observation[0])
+        distinct = distinct_points([xy for _, xy in observations])
+        repeated.update(
+            number for (number, _), marked in zip(observations, distinct, strict=True) if not marked
+        )
+    total = model.num_points3D()
+    return {"points": total, "distinct_points": total - len(repeated)}
 
 
 def _errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[str, float]:

@@ -18,7 +18,8 @@ from mvmatch.export.colmap import (
 )
 from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.two_view import fit_pair
-from mvmatch.types import Correspondences
+from mvmatch.sfm import densify
+from mvmatch.types import Correspondences, Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence as Many
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
     import pycolmap
     from numpy.typing import NDArray
-
-    from mvmatch.types import Tracks
 
 
 class Matches(Protocol):
@@ -54,6 +53,10 @@ class Matches(Protocol):
         """Write a COLMAP database with the same verification for every method."""
         ...
 
+    def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
+        """Add the points that a method leaves to the time after mapping, if it does."""
+        ...
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
@@ -76,6 +79,8 @@ class TrackMatches:
     """Matches of tracks; whole tracks are dropped."""
 
     tracks: Tracks
+    further: Tracks | None = None
+    """Tracks that only make a model denser."""
 
     def between(self, frame0: int, frame1: int) -> Correspondences:
         """Points of tracks seen in both frames, ordered by track."""
@@ -96,13 +101,17 @@ class TrackMatches:
         self, path: Path, camera: pycolmap.Camera, names: Many[str], *, sample: Sample | None
     ) -> None:
         """Write a COLMAP database."""
-        tracks = self.tracks
-        if sample is not None:
-            tracks = tracks.select(_drawn(len(tracks), sample.share, sample.seed))
         write_database(
-            tracks, path, camera=camera, image_names=names, verification=VERIFICATION,
-            max_gap=MAX_GAP,
+            _sampled(self.tracks, sample), path, camera=camera, image_names=names,
+            verification=VERIFICATION, max_gap=MAX_GAP,
+            further=None if self.further is None else _sampled(self.further, sample),
         )  # fmt: skip
+
+    def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
+        """Triangulate the further tracks with the poses of the model."""
+        if self.further is not None:
+            parts = (_sampled(tracks, sample) for tracks in (self.tracks, self.further))
+            densify(model, Tracks.concatenate(*parts))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,11 +179,20 @@ class KeypointMatches:
                     kept = self.kept(frame0, frame1, share=sample.share, seed=sample.seed)
                 _write_pair(database, (frame0, frame1), pairs[kept], self.keypoints, camera)
 
+    def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
+        """Add nothing: every keypoint was mapped."""
+
     def _pairs(self, frame0: int, frame1: int) -> NDArray[np.uint32]:
         return self.matches.get((frame0, frame1), np.empty((0, 2), np.uint32))
 
     def _drawn(self, frame: int, share: float, seed: int) -> NDArray[np.bool_]:
         return _drawn(len(self.keypoints[frame]), share, seed, frame)
+
+
+def _sampled(tracks: Tracks, sample: Sample | None) -> Tracks:
+    if sample is None:
+        return tracks
+    return tracks.select(_drawn(len(tracks), sample.share, sample.seed))
 
 
 def _drawn(count: int, share: float, *seeds: int) -> NDArray[np.bool_]:

@@ -184,10 +184,12 @@ def _models_table(results: Many[dict[str, Any]]) -> str:
             result["sequence"], result["method"], f"{full['registered']} of {full['total']}",
             f"{full['ate_percent']:.3f}", spread, f"{len(known)} of {len(ates)}",
             f"{full['rpe']:.4f}", f"{full['rpe_deg']:.4f}", f"{full['reprojection_px']:.2f}",
-            f"{full['points']:,}", f"{full['track_length']:.1f}", f"{full['map_cpu_s']:.1f}",
+            f"{full['points']:,}", f"{full['distinct_points']:,}", f"{full['track_length']:.1f}",
+            f"{full['verify_cpu_s']:.1f}", f"{full['map_cpu_s']:.1f}",
         ])  # fmt: skip
     titles = ["sequence", "method", "registered", "ATE %", "ATE % of the draws", "accepted draws"]
-    more = ["RPE", "RPE deg", "reprojection px", "points", "track length", "mapper CPU s"]
+    more = ["RPE", "RPE deg", "reprojection px", "points", "distinct", "track length"]
+    more += ["verify CPU s", "mapper CPU s"]
     return markdown([*titles, *more], rows)
 
 
