@@ -23,8 +23,8 @@ def test_options_survive_the_way_through_toml(tmp_path: Path, preset: str) -> No
 
 
 def test_off_is_none_where_an_option_can_be_off() -> None:
-    options = from_mapping({"track": {"epsilon": "off"}}, RunOptions())
-    assert options.track.epsilon is None
+    options = from_mapping({"track": {"max_drift": "off"}}, RunOptions())
+    assert options.track.max_drift is None
 
 
 def test_off_is_refused_where_an_option_cannot_be_off() -> None:

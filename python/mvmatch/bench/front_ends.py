@@ -168,7 +168,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "no-error-model": {"max_error": None, "max_drift": None},
     "translate": {"carry": "translate"},
     "no-extend": {"extend": False},
-    "no-cosine": {"epsilon": None},
+    "cosine": {"epsilon": 0.1},
     "no-zero": {"keep_zero": False},
     "nearest": {"follow": "nearest"},
     "8-neighbors": {"num_neighbors": 8},
