@@ -52,7 +52,7 @@ def test_every_cell_has_a_row_per_pair_and_draw(finished):
     assert [result["error"] for result in results] == [None, None]
     assert all(len(result["rows"]) == (5 + 4) * 3 for result in results)
     poses = [row["pose_deg"] for result in results for row in result["rows"] if row["draw"] < 0]
-    assert np.median(poses) < 2.0
+    assert np.median(poses) < 1.0
 
 
 def test_a_second_run_keeps_what_is_there_and_computes_what_is_not(finished):

@@ -274,3 +274,7 @@ def test_a_thinned_sequence_has_a_measured_pair_even_if_its_gap_is_rare(tmp_path
     images, initial = thinned(dataclasses.replace(evidence, pairs=tuple(only)))
     assert initial in only
     assert {initial.image0, initial.image1} <= set(images)
+
+
+def test_a_model_without_anything_to_adjust_is_adjusted_at_no_cost() -> None:
+    assert adjust(pycolmap.Reconstruction(), MapperOptions()) == 0.0

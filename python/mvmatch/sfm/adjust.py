@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import pycolmap
@@ -123,7 +123,9 @@ def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustment
         config.add_image(image_id)
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     adjuster = pycolmap.create_default_ceres_bundle_adjuster(adjustment, config, model)
-    summary = cast("pycolmap.CeresBundleAdjustmentSummary", adjuster.solve())
+    summary = adjuster.solve()
+    if not isinstance(summary, pycolmap.CeresBundleAdjustmentSummary):
+        return 0.0  # nothing to adjust: the solver was not asked
     return float(summary.ceres_summary.final_cost)
 
 
