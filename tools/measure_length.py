@@ -1,0 +1,105 @@
+"""Measure what a picture costs in videos of different lengths: AV1 in, verified database out.
+
+    python tools/measure_length.py CLIP.ivf --camera CAMERA --lengths 50,500,5000 --plot length.png
+
+The first pictures of one IVF file, each length in a process of its own with one thread; CPU seconds
+without Python's start and imports. A long clip with motion: link a folder's pictures forwards and
+backwards again and again, and run ``mvmatch encode`` on it.
+"""
+
+# matplotlib types its figures only in part.
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+IVF_HEADER, FRAME_HEADER = 32, 12
+
+
+def first_frames(clip: Path, count: int, out: Path) -> None:
+    """Write the first temporal units of an IVF file."""
+    with clip.open("rb") as source, out.open("wb") as target:
+        target.write(source.read(IVF_HEADER))
+        for _ in range(count):
+            header = source.read(FRAME_HEADER)
+            if len(header) < FRAME_HEADER:
+                sys.exit(f"{clip} has fewer than {count} frames")
+            target.write(header + source.read(int.from_bytes(header[:4], "little")))
+
+
+def measure(clip: Path, camera: str) -> dict[str, float]:
+    """Return length, CPU seconds and peak memory of one run in this process."""
+    from mvmatch.camera import parse_camera
+    from mvmatch.export.colmap import write_database
+    from mvmatch.matching import match_video
+    from mvmatch.sources import ReadOptions
+
+    started = time.process_time()
+    match = match_video(clip, read=ReadOptions(threads=1))
+    choice = parse_camera(camera, match.info.width, match.info.height)
+    names = [f"{frame:06d}.png" for frame in range(match.num_frames)]
+    write_database(match.tracks, clip.with_suffix(".db"), camera=choice.camera, image_names=names)
+    return {
+        "pictures": match.num_frames,
+        "cpu_s": time.process_time() - started,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def plot(rows: list[dict[str, float]], path: Path) -> None:
+    """Draw CPU per picture and peak memory over the length."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
+    lengths = [row["pictures"] for row in rows]
+    left.plot(
+        lengths, [1000 * row["cpu_s"] / row["pictures"] for row in rows], "o-", color="#0072b2"
+    )
+    left.set(xscale="log", xlabel="pictures", ylabel="CPU ms per picture", ylim=(0, None))
+    right.plot(lengths, [row["peak_mb"] for row in rows], "o-", color="#d55e00")
+    right.set(xlabel="pictures", ylabel="peak memory, MB", ylim=(0, None))
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("clip", type=Path, help="IVF file")
+    parser.add_argument("--camera", required=True, help="as of mvmatch run")
+    parser.add_argument("--lengths", default="50,150,500,1500,5000")
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--one", action="store_true", help="measure the whole clip in this process")
+    arguments = parser.parse_args()
+    if arguments.one:
+        print(json.dumps(measure(arguments.clip, arguments.camera)))
+        return
+    rows: list[dict[str, float]] = []
+    print("| pictures | CPU s | ms per picture | peak MB |\n|---|---|---|---|")
+    for length in map(int, arguments.lengths.split(",")):
+        with tempfile.TemporaryDirectory() as folder:
+            clip = Path(folder) / "clip.ivf"
+            first_frames(arguments.clip, length, clip)
+            command = [sys.executable, __file__, str(clip), "--camera", arguments.camera, "--one"]
+            row = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+        rows.append(row)
+        milliseconds = 1000 * row["cpu_s"] / row["pictures"]
+        cells = f"{row['pictures']:,}", f"{row['cpu_s']:.1f}", f"{milliseconds:.1f}"
+        print(f"| {' | '.join(cells)} | {row['peak_mb']:,.0f} |", flush=True)
+    if arguments.plot is not None:
+        plot(rows, arguments.plot)
+
+
+if __name__ == "__main__":
+    main()
