@@ -48,7 +48,7 @@ pub struct LocalFit {
 ///
 /// Neighbours are weighted by distance and, in each further round, by their own residual (Cauchy),
 /// so that a minority of wrong vectors does not bend the fit. Then what the fits miss in common is
-/// added ([`crate::curvature`]). Scaling the blocks leaves the choice of neighbours alone: equal
+/// added: motion is curved. Scaling the blocks leaves the choice of neighbours alone: equal
 /// distances are ordered by row.
 ///
 /// # Panics
