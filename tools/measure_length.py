@@ -63,12 +63,14 @@ def plot(rows: list[dict[str, float]], path: Path) -> None:
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.6), layout="constrained")
     lengths = [row["pictures"] for row in rows]
-    left.plot(
-        lengths, [1000 * row["cpu_s"] / row["pictures"] for row in rows], "o-", color="#0072b2"
-    )
-    left.set(xscale="log", xlabel="pictures", ylabel="CPU ms per picture", ylim=(0, None))
-    right.plot(lengths, [row["peak_mb"] for row in rows], "o-", color="#d55e00")
-    right.set(xlabel="pictures", ylabel="peak memory, MB", ylim=(0, None))
+    times = [1000 * row["cpu_s"] / row["pictures"] for row in rows]
+    memory = [row["peak_mb"] for row in rows]
+    left.plot(lengths, times, "o-", color="#0072b2")
+    left.set(xscale="log", ylim=(0, 1.2 * max(times)), ylabel="CPU ms per picture")
+    right.plot(lengths, memory, "o-", color="#d55e00")
+    right.set(ylim=(0, 1.1 * max(memory)), ylabel="peak memory, MB")
+    for axes in (left, right):
+        axes.set_xlabel("pictures")
     figure.savefig(path, dpi=150)
 
 
