@@ -31,7 +31,8 @@ def fuse_neighbors(field: MotionField, *, num_neighbors: int = 12) -> MotionFiel
     """Replace every vector by the mean of itself and what the blocks around it say at its centre.
 
     A local affine motion is fitted robustly to the nearest blocks with the same reference, the
-    block itself left out. Vectors with fewer than 4 neighbours stay.
+    block itself left out, and corrected by what the fits of these blocks miss in common, since
+    motion is curved. Vectors with fewer than 4 neighbours stay.
 
     Parameters
     ----------
