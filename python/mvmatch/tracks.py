@@ -36,8 +36,8 @@ class TrackOptions:
     carry: Carry = "fuse"
     """What moves a point: the vector of the block that covers it (``translate``, the paper), or the
     mean of that vector and what the neighbours say at its centre, with the slope of the motion
-    around it (``fuse``). Measured: ``fuse`` halves the error over one frame and takes 40 % off it
-    over ten."""
+    around it (``fuse``). Measured: ``fuse`` halves the error over one frame and takes a quarter
+    to two fifths off it over ten."""
     follow: Follow = "all"
     """Which references of a compound block are followed: all, or the one nearest in display order
     (the past one of two equally near)."""

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::cover::Cover;
 use crate::field::center;
 use crate::link::{Layer, LinkOptions};
-use crate::motion::{Follow, length};
+use crate::motion::{Follow, distance};
 use crate::tracks::{Observation, Tracks};
 
 /// A point that has reached a frame.
@@ -285,7 +285,7 @@ fn average(arrivals: &[Head]) -> Head {
     }
     let (mut total, mut sum) = (0.0, [0.0; 2]);
     for head in arrivals {
-        let distance = length([head.xy[0] - best.xy[0], head.xy[1] - best.xy[1]]);
+        let distance = distance(head.xy, best.xy);
         let variance = head.variance.max(MIN_VARIANCE);
         if distance * distance <= 9.0 * (variance + best.variance.max(MIN_VARIANCE)) {
             total += 1.0 / variance;

@@ -7,6 +7,7 @@
 //! their own vectors have left over tells by how much.
 
 use crate::filter::{LocalFit, MIN_SCALE};
+use crate::motion::distance;
 
 /// Which rows voted on which, and with what weight.
 #[derive(Default)]
@@ -60,11 +61,6 @@ fn steadiness(fit: &LocalFit) -> f32 {
     // Infinite residuals come with an infinite spread: the ratio is no number, and the maximum 0.
     let ratio = fit.residual / (CUT * scale);
     (1.0 - ratio * ratio).max(0.0).powi(2)
-}
-
-/// Length of the difference of two vectors, px.
-pub(crate) fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Neighbour consistency: does a vector agree with an affine motion of the blocks around it?
 
-use crate::curvature::{Support, add_curvature, distance};
+use crate::curvature::{Support, add_curvature};
 use crate::field::{Field, center};
+use crate::motion::distance;
 use crate::neighbors::{NeighborSearch, Neighbors};
 
 /// Upper bound of [`FitOptions::neighbors`].

@@ -50,6 +50,10 @@ pub(crate) fn length([x, y]: [f32; 2]) -> f32 {
     x.hypot(y)
 }
 
+pub(crate) fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
+    length([a[0] - b[0], a[1] - b[1]])
+}
+
 /// First-order motion of a block about its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Motion {
