@@ -24,7 +24,7 @@ class TrackOptions:
 
     keep_zero: bool = True
     """Zero vectors are motion. The paper takes them for absent, since its reader cannot tell."""
-    max_error: float | None = 0.2
+    max_error: float | None = 0.16
     """px at rest; vectors whose expected (median) error is larger are not used; None: all are. A
     vector of 20 px may be off by twice as much, and so on: near points move fast, and carry the
     geometry. Measured: the share of points within 1 px of the truth rises on every sequence."""
@@ -48,8 +48,9 @@ class TrackOptions:
     tau: float = 1.0
     """px; steps shorter than this are not tested: quantised vectors have no exact direction."""
     cell: int | None = 8
-    """px; side of the square cells that hold at most one track per frame, the longest; None: every
-    block starts a track. Measured: 12 to 24 times less mapping, poses no worse."""
+    """px; side of the square cells that hold at most one track per frame, the longest. Blocks start
+    a track at their centre; large ones that move as one (``fuse``) start one every two cells. None:
+    every block starts one. Measured: 12 to 24 times less mapping, poses no worse."""
     extend: bool = True
     """Tracks also reach, in a second walk, into the frames that refer to theirs, through the blocks
     that lead to their points. Measured: 10 to 20 % more matches of the same accuracy in low-delay

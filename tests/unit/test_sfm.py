@@ -11,7 +11,7 @@ from mvmatch.export.colmap import write_database
 from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
-from mvmatch.sfm.adjust import adjust
+from mvmatch.sfm.adjust import adjust, fit_squares
 from mvmatch.sfm.checks import check_model, weakest_joint
 from mvmatch.sfm.evidence import _selection, read_evidence
 from mvmatch.sfm.focal import thinned
@@ -277,4 +277,27 @@ def test_a_thinned_sequence_has_a_measured_pair_even_if_its_gap_is_rare(tmp_path
 
 
 def test_a_model_without_anything_to_adjust_is_adjusted_at_no_cost() -> None:
-    assert adjust(pycolmap.Reconstruction(), MapperOptions()) == 0.0
+    model = pycolmap.Reconstruction()
+    adjust(model, MapperOptions())
+    assert fit_squares(model, "focal length") == 0.0
+
+
+def test_the_loss_is_as_tight_as_the_points_are_exact(forward) -> None:
+    """A tenth of the observations off by 2 px bends neither points nor poses, whatever the noise."""
+    _, result = forward
+    model = pycolmap.Reconstruction(result.reconstruction)
+    before = {image: model.image(image).projection_center() for image in model.reg_image_ids()}
+    points = [model.point3D(point) for point in sorted(model.point3D_ids())[::10]]
+    for point in points:
+        element = point.track.elements[0]
+        model.image(element.image_id).points2D[element.point2D_idx].xy += np.array([2.0, 0.0])
+
+    def moved(loss_scale: float) -> float:
+        changed = pycolmap.Reconstruction(model)
+        adjust(changed, MapperOptions(loss_scale=loss_scale))
+        return max(
+            float(np.linalg.norm(changed.image(image).projection_center() - center))
+            for image, center in before.items()
+        )
+
+    assert moved(1.0) < 0.5 * moved(0.0)

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use crate::chain::{Cells, Chain, NONE};
-use crate::field::center;
+use crate::field::{center, half_sizes};
 use crate::link::Layer;
 
 /// A track's point in one frame.
@@ -210,9 +210,4 @@ impl Landing {
         }
         best.map(|(_, origin, row)| (origin, row))
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "sides are below 2^16 px")]
-fn half_sizes([_, _, w, h]: [i32; 4]) -> [f32; 2] {
-    [w as f32 / 2.0, h as f32 / 2.0]
 }

@@ -118,6 +118,12 @@ pub(crate) fn center([x, y, w, h]: [i32; 4]) -> [f32; 2] {
     [(2 * x + w) as f32 / 2.0, (2 * y + h) as f32 / 2.0]
 }
 
+/// Offset of a block's corner from its centre, px.
+#[expect(clippy::cast_precision_loss, reason = "sides are below 2^16 px")]
+pub(crate) fn half_sizes([_, _, w, h]: [i32; 4]) -> [f32; 2] {
+    [w as f32 / 2.0, h as f32 / 2.0]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

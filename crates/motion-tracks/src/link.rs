@@ -9,9 +9,9 @@ use crate::chain::{Cells, Chain, Occupied};
 use crate::confidence::ErrorModel;
 use crate::cover::Cover;
 use crate::extend::Extension;
-use crate::field::{Field, FieldError, center};
+use crate::field::{Field, FieldError, center, half_sizes};
 use crate::filter::{FitOptions, LocalFit, fit_neighbors};
-use crate::motion::{Carry, Cosine, Follow, Motion, length};
+use crate::motion::{Carry, Cosine, Follow, Motion, distance, length};
 use crate::tracks::Tracks;
 
 /// Rules of chaining.
@@ -162,7 +162,14 @@ impl Linker {
     /// Chains everything pushed so far; tracks start at block centres.
     #[must_use]
     pub fn finish(&self) -> Tracks {
-        self.chain(self.options, Occupied::new(), seeds)
+        // Points that are translated know no slope: nothing tells which blocks move as one.
+        let spacing = match self.options.carry {
+            Carry::Translate => None,
+            Carry::Fuse => self.options.cell.map(|side| side.saturating_mul(2).max(1)),
+        };
+        self.chain(self.options, Occupied::new(), |layer, cover| {
+            seeds(layer, cover, spacing)
+        })
     }
 
     /// Further tracks in the cells, `cell` px wide, that given tracks leave free in each frame. They
@@ -221,15 +228,50 @@ impl Linker {
     }
 }
 
-/// Block centres inside the picture that may start a track, the most accurate first.
-fn seeds(layer: &Layer, cover: &Cover) -> Vec<[f32; 2]> {
+/// Where tracks may start, in the most accurate blocks first: at the centre of each, and in blocks
+/// that move as one also at points `spacing` px apart.
+fn seeds(layer: &Layer, cover: &Cover, spacing: Option<u32>) -> Vec<[f32; 2]> {
     let mut rows: Vec<usize> = (0..layer.len())
         .filter(|&row| cover.is_first(&layer.block(row), row))
         .collect();
     if !layer.errors.is_empty() {
         rows.sort_by(|&a, &b| layer.errors[a].total_cmp(&layer.errors[b]));
     }
-    rows.iter().map(|&row| center(layer.block(row))).collect()
+    let mut points = Vec::with_capacity(rows.len());
+    for row in rows {
+        let block = layer.block(row);
+        match spacing {
+            Some(spacing) if moves_as_one(&layer.motion(row), block) => {
+                points.extend(lattice(block, spacing));
+            }
+            _ => points.push(center(block)),
+        }
+    }
+    points
+}
+
+/// Difference of the motion at a block's corner from that at its centre below which the block moves
+/// as one, px: a quarter of the finest step of a vector. Elsewhere points off the centre lean.
+const SAME_MOTION: f32 = 1.0 / 32.0;
+
+fn moves_as_one(motion: &Motion, block: [i32; 4]) -> bool {
+    let [x, y] = half_sizes(block);
+    [[x, y], [x, -y]]
+        .iter()
+        .all(|&corner| distance(motion.at(corner), motion.vector) < SAME_MOTION)
+}
+
+/// Points of a block about `spacing` px apart, evenly and around the centre.
+#[expect(clippy::cast_precision_loss, reason = "sides are below 2^16 px")]
+fn lattice([x, y, w, h]: [i32; 4], spacing: u32) -> impl Iterator<Item = [f32; 2]> {
+    let count = |side: i32| (side.unsigned_abs() / spacing).max(1);
+    let at = |start: i32, side: i32, index: u32, count: u32| {
+        start as f32 + side as f32 * (index as f32 + 0.5) / count as f32
+    };
+    let (columns, lines) = (count(w), count(h));
+    (0..lines).flat_map(move |line| {
+        (0..columns).map(move |column| [at(x, w, column, columns), at(y, h, line, lines)])
+    })
 }
 
 /// Motion that doubles the error a vector may have, px.

@@ -282,3 +282,50 @@ fn filling_seeds_every_covered_cell_that_no_given_track_passes() {
     assert!(!further.points.contains(&[20.0, 20.0]));
     assert_eq!(linker.finish(), tracks);
 }
+
+/// Two frames of one 64x32 block among 8 px blocks, all with the vectors of `motion`.
+fn large_block(carry: Carry, motion: impl Fn(f32) -> [f32; 2]) -> Tracks {
+    let rows: Vec<Row> = (0..8)
+        .map(|column| {
+            (
+                [8 * column, 32, 8, 8],
+                motion(8.0 * column as f32 - 28.0),
+                0,
+            )
+        })
+        .chain([(WHOLE, motion(0.0), 0)])
+        .collect();
+    let options = LinkOptions {
+        carry,
+        cell: Some(8),
+        min_length: 2,
+        ..PLAIN
+    };
+    let mut linker = Linker::new(options);
+    let blocks: Vec<_> = rows.iter().map(|row| row.0).collect();
+    let vectors: Vec<_> = rows.iter().map(|row| row.1).collect();
+    for (frame, count) in [(0, 0), (1, rows.len())] {
+        let field = Field {
+            frame,
+            width: 64,
+            height: 40,
+            blocks: &blocks[..count],
+            vectors: &vectors[..count],
+            references: &[0; 9][..count],
+            energies: &[],
+        };
+        linker.push(&field).unwrap();
+    }
+    linker.finish()
+}
+
+#[test]
+fn a_large_block_starts_a_track_every_two_cells_if_it_moves_as_one() {
+    let in_large = |tracks: &Tracks| {
+        let starts = (0..tracks.len()).map(|track| points(tracks, track)[1]);
+        starts.filter(|point| point.2 < 32.0).count()
+    };
+    assert_eq!(in_large(&large_block(Carry::Fuse, |_| [1.0, 0.0])), 8);
+    assert_eq!(in_large(&large_block(Carry::Fuse, |x| [0.02 * x, 0.0])), 1);
+    assert_eq!(in_large(&large_block(Carry::Translate, |_| [1.0, 0.0])), 1);
+}

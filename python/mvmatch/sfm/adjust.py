@@ -14,6 +14,8 @@ import logging
 import math
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 if TYPE_CHECKING:
     import pycolmap
 
@@ -21,30 +23,45 @@ if TYPE_CHECKING:
 
 _logger = logging.getLogger(__name__)
 
+MIN_ERROR = 0.01
+"""px; no loss is tighter, however exact the points are."""
+
 
 def adjust(
     model: pycolmap.Reconstruction,
     options: MapperOptions,
     *,
     refine: Literal["nothing", "focal length", "intrinsics"] = "nothing",
+) -> None:
+    """Adjust poses and points in place; before, if asked for, focal length, and distortion with it.
+
+    The camera is fitted without a robust loss: near points move fast, have the larger errors, and
+    are the ones that know the focal length.
+    """
+    import pycolmap
+
+    if refine != "nothing":
+        fit_squares(model, refine)
+    _solve(model, _adjustment(_loss_scale(model, options)))
+    # COLMAP's residual of a point behind the camera is zero: nothing in the solver keeps it out.
+    pycolmap.ObservationManager(model).filter_observations_with_negative_depth()
+    model.update_point_3d_errors()
+
+
+def fit_squares(
+    model: pycolmap.Reconstruction, refine: Literal["nothing", "focal length", "intrinsics"]
 ) -> float:
-    """Adjust poses and points in place, if asked for also focal length, and distortion with it.
+    """Adjust poses, points and what is asked of the camera in place, by plain least squares.
 
     Returns
     -------
     float
-        Final cost: half the sum of the robust squared residuals, px^2.
+        Final cost: half the sum of the squared residuals, px^2.
     """
-    import pycolmap
-
-    adjustment = _adjustment(options)
+    adjustment = _adjustment(0.0)
     adjustment.refine_focal_length = refine != "nothing"
     adjustment.refine_extra_params = refine == "intrinsics"
-    cost = _solve(model, adjustment)
-    # COLMAP's residual of a point behind the camera is zero: nothing in the solver keeps it out.
-    pycolmap.ObservationManager(model).filter_observations_with_negative_depth()
-    model.update_point_3d_errors()
-    return cost
+    return _solve(model, adjustment)
 
 
 def adjust_known_camera(
@@ -52,11 +69,10 @@ def adjust_known_camera(
 ) -> pycolmap.Reconstruction:
     """Adjust a model whose camera was given, and correct the focal length if the model insists.
 
-    A calibration is kept to the letter unless another focal length lowers the cost by a share of
-    ``options.min_focal_gain`` and takes away errors of ``options.min_focal_error``: smaller gains
-    also come from errors of the tracks, which lean the same way in all frames. Changes below
-    ``options.focal_tolerance`` are not worth it, changes above ``options.max_focal_change`` are not
-    believed.
+    A calibration is kept to the letter unless another focal length takes away errors of
+    ``options.min_focal_error``: smaller gains also come from errors of the tracks, which lean the
+    same way in all frames. Changes below ``options.focal_tolerance`` are not worth it, changes
+    above ``options.max_focal_change`` are not believed.
 
     Returns
     -------
@@ -65,24 +81,23 @@ def adjust_known_camera(
     """
     import pycolmap
 
-    cost = adjust(model, options)
     free = pycolmap.Reconstruction(model)
     for camera in free.cameras.values():
         _tie_focal_lengths(camera)
-    saved = max(0.0, cost - adjust(free, options, refine="focal length"))
-    gain = saved / cost if cost > 0 else 0.0
+    cost = fit_squares(free, "nothing")
+    saved = max(0.0, cost - fit_squares(free, "focal length"))
     error = math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
     change = focal_change(model, free)
     _logger.info(
-        "a focal length changed by %.2f %% lowers the cost by %.2f %%, errors by %.3f px",
-        100 * change, 100 * gain, error,
-    )  # fmt: skip
-    if gain < options.min_focal_gain or error < options.min_focal_error:
-        return model
-    if not options.focal_tolerance < change <= options.max_focal_change:
+        "a focal length changed by %.2f %% takes away errors of %.3f px", 100 * change, error
+    )
+    insists = error >= options.min_focal_error
+    if not insists or not options.focal_tolerance < change <= options.max_focal_change:
+        adjust(model, options)
         return model
     for key, camera in free.cameras.items():
         _untie_focal_lengths(camera, model.cameras[key])
+    adjust(free, options)
     return free
 
 
@@ -111,6 +126,13 @@ def _untie_focal_lengths(camera: pycolmap.Camera, given: pycolmap.Camera) -> Non
         camera.params = [focal, focal, x, y]
 
 
+def _loss_scale(model: pycolmap.Reconstruction, options: MapperOptions) -> float:
+    """Scale of the loss, px: how exact tracks are differs by footage, encoder and method."""
+    model.update_point_3d_errors()
+    errors = [point.error for point in model.points3D.values()]
+    return options.loss_scale * max(float(np.median(errors)) if errors else 0.0, MIN_ERROR)
+
+
 def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustmentOptions) -> float:
     """Adjust all registered images, the gauge held by two of them, and return the final cost.
 
@@ -129,17 +151,19 @@ def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustment
     return float(summary.ceres_summary.final_cost)
 
 
-def _adjustment(options: MapperOptions) -> pycolmap.BundleAdjustmentOptions:
+def _adjustment(loss_scale: float) -> pycolmap.BundleAdjustmentOptions:
     import pycolmap
 
     adjustment = pycolmap.BundleAdjustmentOptions()
     adjustment.print_summary = False
+    adjustment.refine_focal_length = False
     adjustment.refine_principal_point = False
+    adjustment.refine_extra_params = False
     ceres = adjustment.ceres
     ceres.use_gpu = False
-    if options.loss_scale > 0:
+    if loss_scale > 0:
         ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-        ceres.loss_function_scale = options.loss_scale
+        ceres.loss_function_scale = loss_scale
     ceres.solver_options.num_threads = 1
     ceres.solver_options.max_num_iterations = 50
     ceres.solver_options.function_tolerance = 1e-6

@@ -14,7 +14,7 @@ import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mvmatch.sfm.adjust import adjust
+from mvmatch.sfm.adjust import fit_squares
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import pycolmap
 
     from mvmatch.sfm.evidence import Evidence, PairEvidence
-    from mvmatch.sfm.options import MapperOptions
 
 FACTORS = (0.5, 1.0)
 """First focal lengths over the prior one: a wide and a normal lens."""
@@ -52,13 +51,12 @@ class _Candidate:
     registered: int
     num_observations: int
     cost: float
-    """Robust cost per observation, px^2."""
+    """Half the squared error per observation, px^2."""
 
 
 def estimate_focal(
     prior: float,
     evidence: Evidence,
-    options: MapperOptions,
     map_images: Callable[[float, list[int], PairEvidence], pycolmap.Reconstruction | None],
 ) -> float:
     """Return the focal length, refined on a small model, that explains the matches best.
@@ -69,8 +67,6 @@ def estimate_focal(
         Focal length in px that the candidates are multiples of.
     evidence : Evidence
         Image pairs of the database.
-    options : MapperOptions
-        Loss of the adjustment.
     map_images : callable
         Maps the given images with a focal length from an initial pair, intrinsics fixed.
 
@@ -84,9 +80,7 @@ def estimate_focal(
         return prior
     candidates: list[_Candidate] = []
     for factor in FACTORS:
-        candidate = _settle(
-            factor * prior, options, lambda focal: map_images(focal, images, initial)
-        )
+        candidate = _settle(factor * prior, lambda focal: map_images(focal, images, initial))
         if candidate is not None and 1 / MAX_FACTOR <= candidate.focal / prior <= MAX_FACTOR:
             candidates.append(candidate)
     return _best(candidates, prior)
@@ -94,7 +88,6 @@ def estimate_focal(
 
 def _settle(
     focal: float,
-    options: MapperOptions,
     map_images: Callable[[float], pycolmap.Reconstruction | None],
 ) -> _Candidate | None:
     """Map and refine until the focal length changes by less than a hundredth."""
@@ -103,7 +96,7 @@ def _settle(
         model = map_images(focal)
         if model is None or model.num_points3D() == 0:
             break
-        cost = adjust(model, options, refine="focal length")
+        cost = fit_squares(model, "focal length")
         num_observations = model.compute_num_observations()
         before, focal = focal, next(iter(model.cameras.values())).mean_focal_length()
         _logger.info("focal length %.0f -> %.0f px, cost %.1f", before, focal, cost)

@@ -176,9 +176,7 @@ class _Run:
         with pycolmap.Database.open(self._database) as database:
             cameras = database.read_all_cameras()
         prior = max(camera.mean_focal_length() for camera in cameras)
-        self._store_focal(
-            cameras, estimate_focal(prior, self._evidence, self._options, self._map_with_focal)
-        )
+        self._store_focal(cameras, estimate_focal(prior, self._evidence, self._map_with_focal))
 
     def _map_with_focal(
         self, focal: float, images: list[int], initial: PairEvidence

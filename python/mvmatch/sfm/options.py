@@ -25,12 +25,9 @@ class MapperOptions:
     """``fixed`` keeps the camera to the letter. ``refine`` maps with it fixed, refines focal length
     and distortion on the whole model, and maps again. ``auto`` refines a camera that is only a
     prior, and corrects the focal length of a given one if the model contradicts it."""
-    min_focal_gain: float = 0.002
-    """Share of the adjustment's cost that a corrected focal length must save (``auto``). Measured:
-    0.0038 and more where the calibration is wrong, at most 0.001 where it is exact."""
-    min_focal_error: float = 0.01
-    """px; root mean square of the errors that it must take away (``auto``). Measured: 0.017 and
-    more where the calibration is wrong; 0.008 where it is exact and smoothed tracks lean."""
+    min_focal_error: float = 0.02
+    """px; root mean square of the errors that a corrected focal length must take away (``auto``).
+    Measured: 0.035 and more where the calibration is wrong, at most 0.010 where it is exact."""
     focal_tolerance: float = 0.005
     """Relative change of a given focal length below which it is kept (``auto``)."""
     max_focal_change: float = 0.05
@@ -39,8 +36,9 @@ class MapperOptions:
     """Attempts of the first mapper, each from another initial pair."""
     max_refinements: int = 3
     """Rounds of mapping and refining the camera, at most."""
-    loss_scale: float = 0.5
-    """px; scale of the Cauchy loss of the last bundle adjustment; 0 leaves it out."""
+    loss_scale: float = 1.0
+    """Scale of the Cauchy loss of the last bundle adjustment, in units of the median reprojection
+    error that the mapper leaves; 0 leaves the loss out."""
     fallback: bool = True
     """Try the other mapper when every attempt of the first was rejected."""
     seed: int = 0
