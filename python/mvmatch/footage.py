@@ -60,9 +60,9 @@ class Footage:
                 f"Pictures that show the one before them again: {_listed(self.repeats)}, "
                 f"{len(self.repeats)} in all. They add no baseline."
             )
-        if self.overlays.area_share:
+        if self.num_overlay_observations:
             found.append(
-                f"Static overlays cover up to {self.overlays.area_share:.0%} of the picture: "
+                f"Static overlays cover up to {self.overlays.area_share:.1%} of the picture: "
                 f"{self.num_overlay_observations:,} observations on them were left out. "
                 "--set footage.overlays.min_still=off keeps them."
             )

@@ -56,7 +56,7 @@ def test_a_static_camera_keeps_all_tracks_and_warns_of_nothing():
     [
         ({"cut": 8}, "Scene cuts before the pictures 8, 1 in all"),
         ({"repeat": 8}, "show the one before them again: 8, 1 in all"),
-        ({}, "Static overlays cover up to 2% of the picture"),
+        ({}, "Static overlays cover up to 1.6% of the picture"),
     ],
 )
 def test_what_is_found_is_said(found, text):
