@@ -24,7 +24,7 @@ Camera = Annotated[
     Parameter(
         help="COLMAP camera (PINHOLE,fx,fy,cx,cy) or camera file; calibration of KITTI, OpenCV, "
         "ROS or Kalibr; transforms.json of nerfstudio; a picture or video that recorded its focal "
-        "length; or focal length in px. Without it a prior of 1.2 times the longer side is refined.",
+        "length; or focal length in px. Without it, 1.2 times the longer side is refined.",
     ),
 ]
 Mapper = Annotated[
