@@ -138,7 +138,8 @@ def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[s
     if choice.is_prior:
         return [
             *choice.warnings,
-            f"No camera was given ({choice.source}). With --camera the model is more accurate.",
+            f"The camera is a guess ({choice.source}). "
+            "With a calibration (--camera) the model is more accurate.",
         ]
     if model.reconstruction is None or not model.reconstruction.cameras:
         return [*choice.warnings]

@@ -216,6 +216,24 @@ def test_of_two_shots_the_longer_one_is_modelled(
     assert "14" in warning(report, "the model holds one")
 
 
+def test_a_calibration_of_opencv_at_twice_the_size_fits_the_drive(
+    data: Path, tmp_path: Path
+) -> None:
+    cv2 = pytest.importorskip("cv2")
+    path = tmp_path / "calibration.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 704)
+    storage.write("image_height", 400)
+    # Twice the camera of the drive, less half a pixel: OpenCV's origin.
+    storage.write("camera_matrix", np.array([[520.96, 0, 351.5], [0, 520.96, 199.5], [0, 0, 1]]))
+    storage.write("distortion_coefficients", np.zeros((1, 5)))
+    storage.release()
+    report = run(data / "drive.ivf", tmp_path / "out", "--camera", str(path))
+    assert_whole(report)
+    assert report["camera"]["params"] == pytest.approx([260.48, 260.48, 176, 100])
+    assert "704x400 pictures and was scaled to 352x200" in warning(report, "calibration.yml")
+
+
 def test_a_damaged_stretch_leaves_the_longest_part(drive: Pictures, tmp_path: Path) -> None:
     clip = write_video(
         tmp_path / "damaged.ivf", drive, codec="libsvtav1", pixels="yuv420p",

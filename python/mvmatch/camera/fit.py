@@ -21,7 +21,7 @@ _TURNABLE = frozenset(
 )  # fmt: skip
 _TANGENTIAL = frozenset({"OPENCV", "FULL_OPENCV"})
 _WIDE = math.radians(60.0)
-"""Angle off the axis from which errors of image points count more than twice."""
+"""Angle off the axis at which an error of a point counts four times (1 / cos²) in the plane."""
 
 
 def fit_camera(
