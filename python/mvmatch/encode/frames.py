@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain, islice
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
     from av import VideoFrame
     from av.container import InputContainer
-    from av.error import FFmpegError
     from av.video.stream import VideoStream
 
 IMAGE_SUFFIXES = frozenset(
@@ -180,7 +180,7 @@ def _video(source: FrameSource) -> Iterator[VideoFrame]:
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
         step = _frame_duration(stream, source.time_base)
-        broken: list[FFmpegError] = []
+        broken: Counter[str] = Counter()
         frames = islice(_decoded(container, stream, broken), source.num_frames)
         # Both at once, so that an encoder is not started for one frame.
         start = list(islice(frames, 2))
@@ -202,17 +202,18 @@ def _video(source: FrameSource) -> Iterator[VideoFrame]:
             last_pts = pts
             yield _convert(frame, pts=pts, time_base=source.time_base)
     if broken:
+        places = broken.total()
         source.warnings.append(
-            f"{source.path}: damaged in {len(broken)} {'places' if broken[1:] else 'place'} "
-            f"({_reason(broken[0])}): what could not be decoded is left out, "
+            f"{source.path}: damaged in {places} {'place' if places == 1 else 'places'} "
+            f"({next(iter(broken))}): what could not be decoded is left out, "
             f"{count + 1} frames were encoded"
         )
 
 
 def _decoded(
-    container: InputContainer, stream: VideoStream, broken: list[FFmpegError]
+    container: InputContainer, stream: VideoStream, broken: Counter[str]
 ) -> Iterator[VideoFrame]:
-    """Yield what can be decoded; note errors and go on with the next packet."""
+    """Yield what can be decoded; count errors and go on with the next packet."""
     from av.error import FFmpegError
 
     packets = container.demux(stream)
@@ -222,18 +223,18 @@ def _decoded(
         except StopIteration:
             return
         except FFmpegError as error:  # the container itself breaks off
-            broken.append(error)
+            broken[_reason(error)] += 1
             return
         try:
             yield from packet.decode()
         except FFmpegError as error:
-            broken.append(error)
+            broken[_reason(error)] += 1
 
 
-def _too_short(source: FrameSource, count: int, broken: list[FFmpegError]) -> str:
+def _too_short(source: FrameSource, count: int, broken: Counter[str]) -> str:
     found = "no frame" if count == 0 else "only one frame"
     if broken:
-        return f"{source.path}: {found} can be decoded ({_reason(broken[0])})."
+        return f"{source.path}: {found} can be decoded ({next(iter(broken))})."
     return f"{source.path}: has {found}, but motion needs at least two. Give a longer video."
 
 
