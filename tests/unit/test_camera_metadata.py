@@ -161,8 +161,8 @@ def test_a_narrow_fisheye_is_used_and_a_wide_one_warned_of() -> None:
     narrow = parse_camera("OPENCV_FISHEYE,500,500,320,240,0,0,0,0", 640, 480)
     assert narrow.warnings == ()
     (warning,) = parse_camera("OPENCV_FISHEYE,150,150,320,240,0,0,0,0", 640, 480).warnings
-    assert "more than 60 degrees off the axis" in warning
-    assert "Undistort" in warning
+    assert "more than 80 degrees off the axis" in warning
+    assert "undistort" in warning
 
 
 def test_a_spherical_camera_is_refused() -> None:
