@@ -1,0 +1,97 @@
+"""Features of single pictures and their matches, by pycolmap."""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mvmatch.errors import UnsupportedError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    import pycolmap
+    from numpy.typing import NDArray
+
+    from mvmatch.bridge.options import BridgeOptions
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Features:
+    """Features of one picture."""
+
+    xy: NDArray[np.float32]
+    """(K, 2) px of the picture, COLMAP origin."""
+    keypoints: pycolmap.FeatureKeypoints
+    descriptors: pycolmap.FeatureDescriptors
+
+
+class DescriptorMatcher:
+    """Extracts and matches on one thread, so that results repeat.
+
+    Raises
+    ------
+    UnsupportedError
+        The matcher does not work with the installed pycolmap.
+    """
+
+    def __init__(self, options: BridgeOptions) -> None:
+        import pycolmap
+
+        sift = options.matcher == "sift"
+        extractors, matchers = pycolmap.FeatureExtractorType, pycolmap.FeatureMatcherType
+        extraction = pycolmap.FeatureExtractionOptions(
+            extractors.SIFT if sift else extractors.ALIKED_N16ROT
+        )
+        extraction.num_threads = 1
+        extraction.use_gpu = False
+        extraction.sift.max_num_features = options.max_num_features
+        # Neighbouring pictures show things alike: no need to double them for the finest scale.
+        extraction.sift.first_octave = 0
+        matching = pycolmap.FeatureMatchingOptions(
+            matchers.SIFT_BRUTEFORCE if sift else matchers.ALIKED_LIGHTGLUE
+        )
+        matching.num_threads = 1
+        matching.use_gpu = False
+        matching.sift.cpu_brute_force_matcher = True
+        try:
+            with _quiet():
+                self._extractor = pycolmap.FeatureExtractor.create(extraction, pycolmap.Device.cpu)
+                self._matcher = pycolmap.FeatureMatcher.create(matching, pycolmap.Device.cpu)
+        except RuntimeError as error:
+            message = (
+                f"pycolmap cannot match with {options.matcher} here: {error} "
+                "Use sift, or install a pycolmap that has it"
+            )
+            raise UnsupportedError(message) from error
+
+    def extract(self, luma: NDArray[np.uint8]) -> Features:
+        """Features of a picture, (H, W) grey values."""
+        keypoints, descriptors = self._extractor.extract_from_uint8_array(luma)
+        xy = np.array([(each.x, each.y) for each in keypoints], np.float32).reshape(-1, 2)
+        return Features(xy=xy, keypoints=keypoints, descriptors=descriptors)
+
+    def match(self, first: Features, second: Features) -> NDArray[np.uint32]:
+        """(M, 2) numbers of features that match."""
+        return self._matcher.match(
+            first.keypoints, first.descriptors, second.keypoints, second.descriptors
+        )
+
+
+@contextlib.contextmanager
+def _quiet() -> Generator[None]:
+    """Keep COLMAP from writing to standard error that it makes something."""
+    import pycolmap
+
+    level = pycolmap.logging.minloglevel
+    pycolmap.logging.minloglevel = 3
+    try:
+        yield
+    finally:
+        pycolmap.logging.minloglevel = level

@@ -1,0 +1,33 @@
+"""What counts as a gap between pictures, and how it is bridged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mvmatch.geometry.two_view import RansacOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgeOptions:
+    """Options of :func:`mvmatch.bridge.bridge_tracks`."""
+
+    matcher: Literal["sift", "aliked", "none"] = "sift"
+    """Descriptor matcher of pycolmap; ``aliked`` (with LightGlue) needs a pycolmap built with ONNX.
+    ``none`` leaves gaps as they are."""
+    min_tracks: int = 200
+    """Tracks that go on from a picture to the next one; fewer are a gap: the mapper needs 30 points
+    of an image that are known from two others, and many tracks are short or wrong at a gap."""
+    reach: int = 3
+    """Pictures on each side of a gap that are matched with each other: points have to be seen from
+    two of one side before they can tell where a picture of the other side was taken."""
+    max_num_features: int = 1500
+    """Per picture."""
+    ransac: RansacOptions = field(default_factory=RansacOptions)
+    """Of the essential matrix that matches of a pair have to keep."""
+
+    def __post_init__(self) -> None:
+        for name in ("min_tracks", "reach", "max_num_features"):
+            if getattr(self, name) < 1:
+                message = f"{name} is {getattr(self, name)}; it must be at least 1"
+                raise ValueError(message)

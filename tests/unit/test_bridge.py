@@ -1,0 +1,101 @@
+"""Tracks of descriptor matches where motion vectors end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import av
+import numpy as np
+import pycolmap
+import pytest
+
+from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps
+from mvmatch.errors import UnsupportedError
+from mvmatch.types import Tracks
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+WIDTH, HEIGHT = 320, 240
+CAMERA = pycolmap.Camera(
+    model="SIMPLE_PINHOLE", width=WIDTH, height=HEIGHT, params=[300.0, WIDTH / 2, HEIGHT / 2]
+)
+SHIFTS = (0, 4, 8, 70, 74, 78)
+"""px; where the picture starts in the texture: a jump after the third one."""
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wall seen by a camera that slides along it."""
+    folder = tmp_path_factory.mktemp("pictures")
+    noise = np.random.default_rng(1).normal(size=(HEIGHT, WIDTH + 80))
+    blurred = sum(np.roll(noise, (dy, dx), (0, 1)) for dy in range(-2, 3) for dx in range(-2, 3))
+    texture = np.clip(128 + 8 * blurred, 0, 255).astype(np.uint8)
+    for index, shift in enumerate(SHIFTS):
+        frame = av.VideoFrame.from_ndarray(
+            np.ascontiguousarray(texture[:, shift : shift + WIDTH]), format="gray"
+        )
+        frame.save(str(folder / f"{index:03d}.png"))
+    return folder
+
+
+def moving(frames: range, count: int) -> Tracks:
+    return Tracks.from_lists(*[[(f, 5.0 + t, 9.0) for f in frames] for t in range(count)])
+
+
+def test_a_gap_is_where_few_tracks_go_on() -> None:
+    tracks = Tracks.concatenate(moving(range(3), 7), moving(range(3, 6), 9), moving(range(6), 2))
+    assert find_gaps(tracks, 6, min_tracks=3) == (2,)
+    assert find_gaps(tracks, 6, min_tracks=2) == ()
+    assert find_gaps(tracks, 8, min_tracks=3) == (2, 5, 6)
+    assert find_gaps(Tracks.from_lists(), 3, min_tracks=1) == (0, 1)
+
+
+def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> None:
+    tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
+    bridge = bridge_tracks(
+        pictures, tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+    )
+    assert bridge.gaps == bridge.bridged == (2,)
+    across = bridge.tracks.between(2, 3)
+    assert len(across) > 30
+    error = across.xy1 - across.xy0 + [SHIFTS[3] - SHIFTS[2], 0.0]
+    assert np.median(np.linalg.norm(error, axis=1)) < 0.3
+    assert len(bridge.tracks.between(1, 3)) > 30, "two pictures of one side make points"
+
+
+def test_pictures_are_left_alone_where_nothing_is_missing(pictures: Path) -> None:
+    tracks = moving(range(6), 30)
+    for options in (BridgeOptions(min_tracks=20), BridgeOptions(matcher="none", min_tracks=99)):
+        bridge = bridge_tracks(pictures / "nowhere", tracks, CAMERA, num_frames=6, options=options)
+        assert (len(bridge.tracks), bridge.gaps) == (0, ())
+
+
+def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: Path) -> None:
+    noise = np.random.default_rng(2).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8)
+    for index in range(6):
+        if index < 3:
+            (tmp_path / f"{index:03d}.png").write_bytes(
+                (pictures / f"{index:03d}.png").read_bytes()
+            )
+        else:
+            shifted = np.ascontiguousarray(np.roll(noise, 4 * index, 1))
+            av.VideoFrame.from_ndarray(shifted, format="gray").save(
+                str(tmp_path / f"{index:03d}.png")
+            )
+    tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
+    bridge = bridge_tracks(
+        tmp_path, tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+    )
+    assert (bridge.gaps, bridge.bridged) == ((2,), ())
+
+
+def test_a_matcher_that_is_not_there_is_named(pictures: Path) -> None:
+    with pytest.raises(UnsupportedError, match="aliked"):
+        bridge_tracks(
+            pictures,
+            moving(range(6), 1),
+            CAMERA,
+            num_frames=6,
+            options=BridgeOptions(matcher="aliked"),
+        )
