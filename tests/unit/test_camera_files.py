@@ -293,5 +293,5 @@ def test_hostile_json_is_refused_with_a_reason(text: str, reason: str, tmp_path:
 def test_a_file_too_large_for_a_camera_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text("# " + "x" * (1 << 20))
-    with pytest.raises(DataError, match="larger than 1 MiB"):
+    with pytest.raises(DataError, match="larger than 128 KiB"):
         parse_camera(str(path), *SIZE)

@@ -20,7 +20,7 @@ PRIOR_FOCAL_FACTOR = 1.2
 PRIOR_MODEL = "SIMPLE_RADIAL"
 """Model of a camera nobody described: one focal length, one radial distortion."""
 
-_MAX_TEXT_BYTES = 1 << 20
+_MAX_TEXT_BYTES = 1 << 17
 _MAX_JSON_BYTES = 1 << 26
 """A ``transforms.json`` holds a pose per frame."""
 _HELP = (
@@ -123,7 +123,7 @@ def _read(path: Path) -> str:
     most = _MAX_JSON_BYTES if path.suffix.lower() == ".json" else _MAX_TEXT_BYTES
     if path.stat().st_size > most:
         raise DataError(
-            f"camera file {path} is larger than {most >> 20} MiB, so it is not one; {_HELP}"
+            f"camera file {path} is larger than {most >> 10} KiB, so it is not one; {_HELP}"
         )
     try:
         return path.read_text(encoding="utf-8")
