@@ -190,7 +190,7 @@ def _model_suffix(folder: Path) -> str:
 
 
 def _check_sizes(folder: Path) -> None:
-    """Refuse cut files, which COLMAP 4.2 may read forever."""
+    """Refuse files that lack whole records: COLMAP 4.2 may read them forever."""
     for name, record in _RECORD_BYTES.items():
         path = folder / f"{name}.bin"
         if not path.exists():

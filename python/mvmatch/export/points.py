@@ -25,9 +25,10 @@ _PROPERTIES = (
     ("green", "uchar", "u1"),
     ("blue", "uchar", "u1"),
     ("error", "float", "<f4"),
-    ("track_length", "uint", "<u4"),
+    ("track_length", "float", "<f4"),
 )
-"""Name, type in PLY, type in NumPy; the first six are those of COLMAP's own export."""
+"""Name, type in PLY, type in NumPy; the first six are those of COLMAP's own export. COLMAP reads no
+types but float, double and uchar; a float holds whole numbers up to 2^24."""
 
 
 def write_ply(model: pycolmap.Reconstruction, path: Path) -> None:

@@ -157,9 +157,13 @@ def _container_times(path: Path) -> list[float]:
     """Read when a video's frames are shown, from its packets; no frame is decoded."""
     import av
     from av.error import FFmpegError
+    from av.format import Flags
 
     try:
         with av.open(str(path)) as container:
+            # FFmpeg invents 25 frames per s for bare streams.
+            if container.format.flags & Flags.no_timestamps.value:
+                return []
             if not container.streams.video:
                 raise DataError(f"{path} has no video stream. Give a video or a list of times")
             stream = container.streams.video[0]
