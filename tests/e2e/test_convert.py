@@ -43,6 +43,7 @@ def test_evo_finds_the_true_path_in_what_a_run_and_convert_made(data: Path, tmp_
     error = metrics.APE(metrics.PoseRelation.translation_part)
     error.process_data((path, kitti))
     assert error.get_statistic(metrics.StatisticsType.rmse) < 0.01 * path.path_length
-    turned = metrics.APE(metrics.PoseRelation.rotation_angle_deg)
+    # The path is nearly straight: what turns about it, alignment cannot see. Steps show it.
+    turned = metrics.RPE(metrics.PoseRelation.rotation_angle_deg, delta=1, all_pairs=True)
     turned.process_data((path, kitti))
-    assert turned.get_statistic(metrics.StatisticsType.max) < 1
+    assert turned.get_statistic(metrics.StatisticsType.max) < 0.1

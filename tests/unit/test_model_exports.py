@@ -55,6 +55,14 @@ def test_a_binary_model_is_replaced_and_never_shadows_a_text_one(make_model, tmp
     assert_equal_models(read_model(tmp_path), other)
 
 
+@pytest.mark.parametrize("write", [write_text, write_binary])
+def test_models_from_before_rigs_and_frames_are_read(write, make_model, tmp_path):
+    write(make_model(), tmp_path)
+    for path in [*tmp_path.glob("rigs.*"), *tmp_path.glob("frames.*")]:
+        path.unlink()
+    assert_equal_models(read_model(tmp_path), make_model())
+
+
 def test_the_last_number_of_a_name_is_the_frame():
     names = ["frame_000012.png", "cam2/7.jpg", "cam0_000003.0.png", "left.png", "12/a.png"]
     assert [frame_number(name) for name in names] == [12, 7, 0, None, None]

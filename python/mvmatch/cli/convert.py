@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any, Literal
 
 from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.settings import ExistingFile, ExistingPath, Json, UsageError
@@ -35,7 +33,7 @@ def convert(
     to: Target,
     images: ExistingPath | None = None,
     timestamps: ExistingFile | None = None,
-    fps: Annotated[float | None, Parameter(alias="--frame-rate")] = None,
+    fps: float | None = None,
     json: Json = False,
 ) -> Outcome:
     """Write a COLMAP model for other programs.
