@@ -92,7 +92,9 @@ def test_a_file_is_no_model(tmp_path):
 def test_a_cut_file_is_refused(name, make_model, tmp_path):
     write_binary(make_model(), tmp_path / "whole")
     whole = (tmp_path / "whole" / f"{name}.bin").read_bytes()
-    for length in (0, 1, 8, len(whole) // 2):
+    # COLMAP reads a camera or rig of which a few bytes are missing.
+    step = 97 if len(whole) > 500 else 5
+    for length in range(0, len(whole) - 8, step):
         shutil.copytree(tmp_path / "whole", tmp_path / "cut", dirs_exist_ok=True)
         (tmp_path / "cut" / f"{name}.bin").write_bytes(whole[:length])
         with pytest.raises(DataError, match=r"cut|not a whole COLMAP model|is empty"):

@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 import contextlib
+import mmap
 import re
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,24 @@ if TYPE_CHECKING:
 _FILES = ("cameras", "images", "points3D")
 """Every model has them; ``rigs`` and ``frames`` came with COLMAP 3.12."""
 
-_RECORD_BYTES = {"cameras": 48, "images": 73, "points3D": 51, "rigs": 8, "frames": 84}
-"""Least size of one record of each binary file."""
+
+class _Layout(NamedTuple):
+    """Bytes of one record of a binary file: fixed ones, a name up to a zero, a count of items."""
+
+    fixed: int
+    named: bool = False
+    count: int = 0
+    item: int = 0
+
+
+_LAYOUTS = {
+    # Of cameras and rigs the least: their lengths depend on what is in them.
+    "cameras": _Layout(48),
+    "rigs": _Layout(16),
+    "frames": _Layout(64, count=4, item=16),
+    "images": _Layout(64, named=True, count=8, item=24),
+    "points3D": _Layout(43, count=8, item=8),
+}
 
 
 def read_model(folder: Path) -> pycolmap.Reconstruction:
@@ -50,7 +67,8 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
 
     suffix = _model_suffix(folder)
     if suffix == ".bin":
-        _check_sizes(folder)
+        for name, layout in _LAYOUTS.items():
+            _check_length(folder / f"{name}.bin", layout)
     try:
         with quiet_colmap():
             model = pycolmap.Reconstruction(folder)
@@ -189,19 +207,31 @@ def _model_suffix(folder: Path) -> str:
     )
 
 
-def _check_sizes(folder: Path) -> None:
-    """Refuse files that lack whole records: COLMAP 4.2 may read them forever."""
-    for name, record in _RECORD_BYTES.items():
-        path = folder / f"{name}.bin"
-        if not path.exists():
-            continue
-        with path.open("rb") as file:
-            count = int.from_bytes(file.read(8), "little")
-        if path.stat().st_size < 8 + count * record:
-            raise DataError(
-                f"{path} is cut: {path.stat().st_size} bytes cannot hold the {count} records it "
-                "announces. Copy the model again, or reconstruct anew"
-            )
+def _check_length(path: Path, layout: _Layout) -> None:
+    """Refuse a file that ends within a record: COLMAP 4.2 may read it forever."""
+    if not path.exists():  # rigs and frames before COLMAP 3.12
+        return
+    size = path.stat().st_size
+    position = 8
+    if size >= position:
+        with (
+            path.open("rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            for _ in range(int.from_bytes(data[:8], "little")):
+                position += layout.fixed
+                if layout.named:
+                    end = data.find(b"\0", position)
+                    position = size if end < 0 else end + 1
+                items = int.from_bytes(data[position : position + layout.count], "little")
+                position += layout.count + items * layout.item
+                if position > size:
+                    break
+    if position > size:
+        raise DataError(
+            f"{path} is cut or damaged: its {size} bytes end within a record. "
+            "Copy the model again, or reconstruct anew"
+        )
 
 
 def _check_content(model: pycolmap.Reconstruction, folder: Path) -> None:
