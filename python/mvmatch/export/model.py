@@ -27,11 +27,11 @@ _FILES = ("cameras", "images", "points3D")
 
 
 class _Layout(NamedTuple):
-    """Bytes of one record of a binary file: fixed ones, a name up to a zero, a count of items."""
+    """Bytes of one record of a binary file: fixed ones, a name up to a zero, the length of the count of items."""
 
     fixed: int
     named: bool = False
-    count: int = 0
+    length: int = 0
     item: int = 0
 
 
@@ -39,9 +39,9 @@ _LAYOUTS = {
     # Of cameras and rigs the least: their lengths depend on what is in them.
     "cameras": _Layout(48),
     "rigs": _Layout(16),
-    "frames": _Layout(64, count=4, item=16),
-    "images": _Layout(64, named=True, count=8, item=24),
-    "points3D": _Layout(43, count=8, item=8),
+    "frames": _Layout(64, length=4, item=16),
+    "images": _Layout(64, named=True, length=8, item=24),
+    "points3D": _Layout(43, length=8, item=8),
 }
 
 
@@ -223,8 +223,8 @@ def _check_length(path: Path, layout: _Layout) -> None:
                 if layout.named:
                     end = data.find(b"\0", position)
                     position = size if end < 0 else end + 1
-                items = int.from_bytes(data[position : position + layout.count], "little")
-                position += layout.count + items * layout.item
+                items = int.from_bytes(data[position : position + layout.length], "little")
+                position += layout.length + items * layout.item
                 if position > size:
                     break
     if position > size:
