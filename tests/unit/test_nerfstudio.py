@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mvmatch.camera import parse_camera
 from mvmatch.errors import DataError
 from mvmatch.export.nerfstudio import write_nerfstudio
 
@@ -53,6 +54,16 @@ def test_points_are_where_colmap_sees_them(camera, make_model, tmp_path):
         image = model.find_image_with_name(Path(frame["file_path"]).name)
         expected = image.camera.img_from_cam(image.cam_from_world() * points)
         np.testing.assert_allclose(project(document, frame, points), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=[kind for kind, _ in CAMERAS])
+def test_the_camera_can_be_given_to_another_run(camera, make_model, tmp_path):
+    model = make_model(cameras=[camera])
+    read = parse_camera(str(write_nerfstudio(model, tmp_path)), 160, 120).camera
+    seen = np.array([[0.1, 0.2, 1.0], [-0.4, 0.1, 1.2], [0.3, -0.3, 0.9]])
+    np.testing.assert_allclose(
+        read.img_from_cam(seen), model.camera(1).img_from_cam(seen), atol=1e-9
+    )
 
 
 def test_two_cameras_keep_their_own_intrinsics(make_model, tmp_path):

@@ -27,11 +27,13 @@ _FILES = ("cameras", "images", "points3D")
 
 
 class _Layout(NamedTuple):
-    """Bytes of one record of a binary file: fixed ones, a name up to a zero, the length of the count of items."""
+    """Bytes of one record of a binary file."""
 
     fixed: int
     named: bool = False
+    """Whether a name follows, up to a zero."""
     length: int = 0
+    """Of the number of items."""
     item: int = 0
 
 
