@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
     from _pytest.capture import CaptureFixture
 
-VERBS = ["run", "probe", "encode", "extract", "track", "export", "score", "reconstruct", "encoders"]
+VERBS = [
+    *("run", "probe", "encode", "extract", "track"),
+    *("export", "score", "reconstruct", "convert", "encoders"),
+]
 
 
 @pytest.mark.parametrize("verb", VERBS)

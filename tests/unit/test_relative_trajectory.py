@@ -30,27 +30,57 @@ def walk(seed: int, num_frames: int = 25) -> np.ndarray:
     )
 
 
+def random_path(generator: np.random.Generator, num_frames: int) -> np.ndarray:
+    """Poses without any order: each turned and placed at random."""
+    turns = generator.uniform(-np.pi, np.pi, (num_frames, 3))
+    centers = generator.normal(0, 5, (num_frames, 3))
+    return np.array(
+        [np.column_stack([rotation(a), c]) for a, c in zip(turns, centers, strict=True)]
+    )
+
+
+def disturbed(truth: np.ndarray, generator: np.random.Generator, noise: float) -> np.ndarray:
+    """The path with noise, in a frame of its own: another scale, origin and orientation."""
+    turn, scale = rotation(generator.uniform(-3, 3, 3)), generator.uniform(0.1, 10)
+    poses: list[np.ndarray] = []
+    for pose in truth:
+        shaken = pose[:, :3] @ rotation(generator.normal(0, noise, 3))
+        center = pose[:, 3] + generator.normal(0, noise, 3)
+        poses.append(np.column_stack([turn @ shaken, scale * turn @ center + [7, 8, 9]]))
+    return np.array(poses)
+
+
+def walks(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Truth and estimate: a smooth walk, or at odd seeds poses at random."""
+    generator = np.random.default_rng(seed)
+    truth = random_path(generator, 30) if seed % 2 else walk(seed)
+    return truth, disturbed(truth, generator, (0.001, 0.05, 1.0)[seed % 3])
+
+
 @pytest.mark.parametrize("delta", [1, 5])
-def test_trajectory_errors_are_those_of_evo(delta):
+@pytest.mark.parametrize("seed", range(6))
+def test_trajectory_errors_are_those_of_evo(seed, delta):
     metrics = pytest.importorskip("evo.core.metrics")
     from evo.core.trajectory import PosePath3D
 
-    truth = walk(0)
-    # The estimate lives in a frame of its own: another scale, origin and orientation.
-    turn, estimate = rotation(np.array([1.0, -0.4, 2.0])), walk(1)
-    estimate = np.array(
-        [np.column_stack([turn @ p[:, :3], 0.3 * turn @ p[:, 3] + [7, 8, 9]]) for p in estimate]
-    )
+    truth, estimate = walks(seed)
     paths = [
         PosePath3D(poses_se3=[np.vstack([pose, [0, 0, 0, 1]]) for pose in poses])
         for poses in (truth, estimate)
     ]
     paths[1].align(paths[0], correct_scale=True)
+    statistics = metrics.StatisticsType
 
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((paths[0], paths[1]))
     ate = trajectory_error(estimate[:, :, 3], truth[:, :, 3])
-    assert ate.rmse == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse))
+    for kind, value in (
+        (statistics.rmse, ate.rmse),
+        (statistics.median, ate.median),
+        (statistics.max, ate.maximum),
+    ):
+        assert value == pytest.approx(ape.get_statistic(kind), rel=1e-9, abs=1e-9)
+    assert ate.path_length == pytest.approx(paths[0].path_length, rel=1e-9)
 
     ours = relative_trajectory_error(estimate, truth, delta=delta)
     for relation, value in (
@@ -59,7 +89,8 @@ def test_trajectory_errors_are_those_of_evo(delta):
     ):
         rpe = metrics.RPE(relation, delta=delta, all_pairs=True)
         rpe.process_data((paths[0], paths[1]))
-        assert value == pytest.approx(rpe.get_statistic(metrics.StatisticsType.rmse))
+        expected = rpe.get_statistic(statistics.rmse)
+        assert value == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert ours.num_pairs == len(truth) - delta
 
 

@@ -12,6 +12,7 @@ from cyclopts import App, CycloptsError
 import mvmatch
 from mvmatch.cli import bench, models, runs, stages
 from mvmatch.cli.console import Outcome, describe, show, show_error
+from mvmatch.cli.convert import convert
 from mvmatch.cli.demo import demo
 from mvmatch.cli.settings import UsageError
 from mvmatch.errors import MvmatchError
@@ -37,6 +38,7 @@ def build_app() -> App:
         models.export,
         models.score,
         models.reconstruct,
+        convert,
         stages.encoders,
         demo,
     )
