@@ -240,6 +240,18 @@ def test_libaom_writes_one_key_frame(folder: Path, tmp_path: Path, usage) -> Non
     assert [key for _, key in packets_of(result.path)] == [True] + [False] * 11
 
 
+def test_grey_values_of_images_are_shown_as_they_are(tmp_path: Path) -> None:
+    images = tmp_path / "images"
+    images.mkdir()
+    for index in range(3):
+        frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 40, np.uint8), format="rgb24")
+        frame.save(str(images / f"{index}.png"))
+    encode_video(images, tmp_path / "clip.ivf")
+    with av.open(str(tmp_path / "clip.ivf")) as container:
+        shown = next(container.decode(video=0)).to_ndarray(format="rgb24")
+    assert abs(float(shown.mean()) - 40) < 2
+
+
 def test_an_encoder_that_refuses_its_settings_says_why(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     options = EncodeOptions(encoder="libaom", quality=999, check=False)

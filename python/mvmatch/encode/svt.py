@@ -65,6 +65,9 @@ def encode_to_ivf(
         stream.width, stream.height, stream.pix_fmt = frames.width, frames.height, "yuv420p"
         stream.options = {**svt_settings(options)}
         for frame in frames:
+            if not times:
+                # Images use all 256 values, most video does not: players have to know.
+                stream.codec_context.color_range = frame.color_range
             times.append(frame.pts or 0)
             # The real times come back when the packets are copied: SVT wants a steady clock.
             frame.pts, frame.time_base = len(times) - 1, 1 / frames.frame_rate
