@@ -241,6 +241,8 @@ def test_libaom_writes_one_key_frame(folder: Path, tmp_path: Path, usage) -> Non
 
 
 def test_grey_values_of_images_are_shown_as_they_are(tmp_path: Path) -> None:
+    import av
+
     images = tmp_path / "images"
     images.mkdir()
     for index in range(3):
