@@ -167,7 +167,7 @@ def new_database(path: Path) -> Generator[pycolmap.Database]:
     Raises
     ------
     DataError
-        The folder is missing or cannot be written.
+        The folder is missing or cannot be written, or the disk is full.
     """
     import pycolmap
 
@@ -187,6 +187,10 @@ def new_database(path: Path) -> Generator[pycolmap.Database]:
         ):
             yield database
         partial.replace(path)
+    except RuntimeError as error:
+        if "SQLite error" not in str(error) and "database factory" not in str(error):
+            raise
+        raise DataError(f"cannot write the database {path} ({error}). Is the disk full?") from error
     finally:
         _remove(partial)
 
