@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
-    from mvmatch.sfm import DensifySummary, MapperOptions, ReconstructionResult
+    from mvmatch.sfm import DensifySummary, Diagnosis, MapperOptions, ReconstructionResult
     from mvmatch.types import VideoInfo
 
 VIDEO = "encoded.ivf"
@@ -157,10 +157,15 @@ def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[s
 
 
 def describe_model(
-    model: ReconstructionResult, options: MapperOptions, dense: DensifySummary | None
+    model: ReconstructionResult,
+    options: MapperOptions,
+    dense: DensifySummary | None,
+    diagnosis: Diagnosis,
 ) -> dict[str, Any]:
     """Return the key ``model`` of the report."""
     return {
+        "status": diagnosis.status,
+        "findings": [dataclasses.asdict(finding) for finding in diagnosis.findings],
         "mapper": options.mapper,
         "accepted": model.accepted,
         "reasons": list(model.reasons),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import DensifySummary, ReconstructionResult
+    from mvmatch.sfm import DensifySummary, Diagnosis, ReconstructionResult
     from mvmatch.work import Product, Work
 
 STAGES = (
@@ -100,6 +100,15 @@ STAGES = (
         load=stages.load_denser,
         is_wanted=lambda state: state.model.accepted and len(state.match.further) > 0,
     ),
+    Stage(
+        name="diagnose",
+        title="diagnose",
+        needs=("densify",),
+        depends=lambda _: None,
+        make=stages.find_faults,
+        load=stages.load_faults,
+        is_wanted=stages.is_incomplete,
+    ),
 )
 """In the order in which they run. A stage sees what those before it have handed on."""
 
@@ -118,6 +127,8 @@ class Run:
     encoding: EncodeResult | None
     weights: NDArray[np.float64] | None
     """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
+    diagnosis: Diagnosis
+    """How much of a model there is, and what stands in the way of the rest."""
     reused: tuple[str, ...]
     """Titles of the stages that an earlier run into ``out`` had made."""
     data: dict[str, Any]
@@ -246,6 +257,7 @@ def _finished(state: State, out: Path, made: Mapping[str, Product], reused: tupl
         camera=state.choice,
         encoding=encoding,
         weights=state.weights,
+        diagnosis=state.diagnosis,
         reused=reused,
         data={},
     )
@@ -304,7 +316,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],
-        "model": outputs.describe_model(model, options.mapper, run.dense),
+        "model": outputs.describe_model(model, options.mapper, run.dense, run.diagnosis),
         "damage": (
             None
             if match.damage is None

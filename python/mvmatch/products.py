@@ -20,7 +20,7 @@ from mvmatch.export.colmap import DatabaseSummary
 from mvmatch.footage import Footage
 from mvmatch.matching import Match
 from mvmatch.overlays import Overlays
-from mvmatch.sfm import Attempt, ModelCheck, ReconstructionResult, write_model
+from mvmatch.sfm import Attempt, Diagnosis, Finding, ModelCheck, ReconstructionResult, write_model
 from mvmatch.sources import ReferenceStructure, Skipped
 from mvmatch.store import (
     TracksTable,
@@ -55,7 +55,7 @@ def read_encoding(folder: Path, facts: Facts) -> EncodeResult:
         keys = tuple(facts["check"]["key_frames"])
         check = EncodingCheck(**facts["check"] | {"distance_share": shares, "key_frames": keys})
     names = facts["image_names"]
-    changed = {
+    changed: Facts = {
         "path": folder / facts["path"],
         "image_names": None if names is None else tuple(names),
         "check": check,
@@ -100,7 +100,7 @@ def read_match(folder: Path, facts: Facts, *, tracks: str) -> Match:
     with np.load(folder / _COUNTS, allow_pickle=False) as counts:
         arrays = dict(counts)
     overlays = Overlays(end=arrays["overlay_end"], cells=arrays["overlay_cells"])
-    footage = {
+    footage: Facts = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in facts["footage"].items()
     }
@@ -136,8 +136,8 @@ def read_match_tracks(path: Path, facts: Facts) -> tuple[Tracks, Tracks, VideoIn
 
 def read_summary(facts: Facts) -> DatabaseSummary:
     """Return the summary whose fields the facts are."""
-    scores = tuple(TwoViewScore(**score) for score in facts["scores"])
-    return DatabaseSummary(**facts | {"scores": scores})
+    changed: Facts = {"scores": tuple(TwoViewScore(**score) for score in facts["scores"])}
+    return DatabaseSummary(**facts | changed)
 
 
 def write_result(result: ReconstructionResult, folder: Path) -> Facts:
@@ -163,7 +163,7 @@ def read_result(folder: Path, facts: Facts) -> ReconstructionResult:
     facts = dict(facts)
     model = facts.pop("model")
     path = None if model is None else folder / model
-    changed = {
+    changed: Facts = {
         "reasons": tuple(facts["reasons"]),
         "attempts": tuple(_attempt(attempt) for attempt in facts["attempts"]),
         "reconstruction": None if path is None else pycolmap.Reconstruction(path),
@@ -179,11 +179,22 @@ def with_model(result: ReconstructionResult, path: Path) -> ReconstructionResult
     return dataclasses.replace(result, reconstruction=pycolmap.Reconstruction(path), path=path)
 
 
+def read_diagnosis(facts: Facts) -> Diagnosis:
+    """Return the diagnosis whose fields the facts are."""
+    changed: Facts = {
+        "findings": tuple(
+            Finding(**finding | {"frames": tuple((a, b) for a, b in finding["frames"])})
+            for finding in facts["findings"]
+        )
+    }
+    return Diagnosis(**facts | changed)
+
+
 def _attempt(facts: Facts) -> Attempt:
     check, images = facts["check"], facts["initial_images"]
     if check is not None:
         check = ModelCheck(**check | {"reasons": tuple(check["reasons"])})
-    changed = {
+    changed: Facts = {
         "check": check,
         "initial_images": None if images is None else tuple(images),
         "reasons": tuple(facts["reasons"]),

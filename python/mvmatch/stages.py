@@ -24,7 +24,15 @@ from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
 from mvmatch.geometry.movers import track_weights
 from mvmatch.matching import match_video, refine_match, stage_progress
-from mvmatch.sfm import DensifySummary, densify, reconstruct, write_model
+from mvmatch.sfm import (
+    DensifySummary,
+    Diagnosis,
+    densify,
+    diagnose,
+    reconstruct,
+    status_of,
+    write_model,
+)
 from mvmatch.types import Tracks
 from mvmatch.work import identity
 
@@ -62,6 +70,7 @@ class State:
     summary: DatabaseSummary = field(init=False)
     model: ReconstructionResult = field(init=False)
     dense: DensifySummary | None = None
+    diagnosis: Diagnosis = field(default_factory=Diagnosis)
 
     @property
     def video(self) -> Path:
@@ -271,6 +280,31 @@ def load_denser(state: State, folder: Path, facts: Facts) -> None:
     """Take the denser model; what the mapper said of its own stays."""
     state.dense = DensifySummary(**facts)
     state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+
+
+def find_faults(state: State, folder: Path) -> Facts:  # noqa: ARG001
+    """Find out why there is no model, or only a part of one."""
+    match = state.match
+    keys = match.structure.summary(match.frames)["key_frames"]
+    diagnosis = diagnose(
+        state.model,
+        state.database,
+        tracks=state.tracks,
+        footage=match.footage,
+        key_frames=keys,
+        damage=match.damage,
+    )
+    return dataclasses.asdict(diagnosis)
+
+
+def load_faults(state: State, folder: Path, facts: Facts) -> None:  # noqa: ARG001
+    """Take the diagnosis."""
+    state.diagnosis = products.read_diagnosis(facts)
+
+
+def is_incomplete(state: State) -> bool:
+    """Whether there is something to find out."""
+    return status_of(state.model, state.match.damage) != "complete"
 
 
 def one_shot(options: MapperOptions, match: Match) -> MapperOptions:
