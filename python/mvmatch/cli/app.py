@@ -28,7 +28,9 @@ is at fault, 2 the command line is."""
 
 def build_app() -> App:
     """Return the command line."""
-    app = App(name="mvmatch", help=_HELP, version=mvmatch.__version__)
+    app = App(
+        name="mvmatch", help=_HELP, version=mvmatch.__version__, suppress_keyboard_interrupt=False
+    )
     verbs = (
         runs.run,
         stages.probe,
