@@ -126,12 +126,11 @@ def _failure(made: Run) -> Exception | None:
     """Return why the model is not that of the whole video."""
     from mvmatch.errors import DataError
 
-    advice = next((each.advice for each in made.diagnosis.findings), "")
-    if not made.model.accepted:
-        return DataError(f"no model holds: {'; '.join(made.model.reasons)}. {advice}")
-    if made.model.registered < made.model.total:
-        registered, total = made.model.registered, made.model.total
-        return DataError(f"the model holds {registered} of {total} pictures. {advice}")
+    model, advice = made.model, "What stands in the way, and what to try, follows"
+    if not model.accepted:
+        return DataError(f"no model holds: {', '.join(model.reasons)}. {advice}")
+    if model.registered < model.total:
+        return DataError(f"the model holds {model.registered} of {model.total} pictures. {advice}")
     return made.match.damage
 
 

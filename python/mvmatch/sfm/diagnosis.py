@@ -19,18 +19,27 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mvmatch.sfm.adjust import fit_squares, focal_change
+from mvmatch.sfm.breaks import (
+    MIN_PART,
+    bridging_tracks,
+    is_plane,
+    is_turn,
+    parts_at_rest,
+    parts_where,
+    runs,
+)
 from mvmatch.sfm.evidence import read_evidence
-from mvmatch.sfm.mapping import MIN_STRETCH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     import pycolmap
     from numpy.typing import NDArray
 
     from mvmatch.errors import MvmatchError
     from mvmatch.footage import Footage
-    from mvmatch.sfm.evidence import Evidence, PairEvidence
+    from mvmatch.sfm.breaks import Part
+    from mvmatch.sfm.evidence import Evidence
     from mvmatch.sfm.mapping import ReconstructionResult
     from mvmatch.types import Tracks
 
@@ -48,26 +57,9 @@ Code = Literal[
     "unregistered",
     "unexplained",
 ]
-Ranges = tuple[tuple[int, int], ...]
-"""First and last picture of each part."""
 
 MIN_BRIDGE = 20
 """Tracks that must lead from one picture to the next (`AcceptanceOptions.min_joint`)."""
-
-STILL = 0.25
-"""px; median motion of the tracks between two pictures in which nothing moves."""
-
-MAX_DRIFT = 1.0
-"""px; median motion of the tracks through a whole part in which nothing moves."""
-
-MIN_PART = 5
-"""Pictures; what stands still or turns for a shorter time is bridged by matches across."""
-
-FLAT_SHARE = 0.95
-"""Share of a pair's matches that one homography explains."""
-
-MIN_FLAT_MOTION = 16.0
-"""px; matches that move less fit a homography whatever the scene: its bound is 4 px."""
 
 MAX_FOCAL_CHANGE = 0.05
 """Relative change of a given focal length (`MapperOptions.max_focal_change`)."""
@@ -90,7 +82,7 @@ class Finding:
     """One thing that stands in the way of a whole model."""
 
     code: Code
-    frames: Ranges
+    frames: tuple[Part, ...]
     """Where: first and last picture (display index) of each part; empty: everywhere."""
     sentence: str
     """What is the matter."""
@@ -176,15 +168,6 @@ def diagnose(
     return Diagnosis(status=status, findings=tuple(found) or (_unexplained(result),))
 
 
-def bridging_tracks(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
-    """(F,) number of tracks seen both before each picture and in it or later; 0 for the first."""
-    change = np.zeros(num_frames + 1, np.int64)
-    if len(tracks):
-        np.add.at(change, tracks.frame[tracks.offsets[:-1]] + 1, 1)
-        np.add.at(change, tracks.frame[tracks.offsets[1:] - 1] + 1, -1)
-    return np.cumsum(change)[:num_frames]
-
-
 def _damage(damage: MvmatchError, num_frames: int) -> Finding:
     return Finding(
         code="damage",
@@ -223,7 +206,7 @@ def _broken(
                 advice="Encode it anew for matching: --re-encode.",
             )
         )
-    for first, last in _runs(weak & ~at_key):
+    for first, last in runs(weak & ~at_key):
         fewest = int(bridge[first : last + 1].min())
         found.append(
             Finding(
@@ -235,21 +218,30 @@ def _broken(
                 "second or a better quality (--set encode.quality=20), or leave the part out.",
             )
         )
-    return found
+    weak |= at_key | np.isin(np.arange(num_frames), footage.cuts)
+    return found + _thin(tracks, weak | np.roll(weak, -1))
+
+
+def _thin(tracks: Tracks, known: NDArray[np.bool_]) -> list[Finding]:
+    """Find pictures with few points of the tracks that lead past them."""
+    points = np.bincount(tracks.frame, minlength=len(known))
+    pictures = np.flatnonzero((points < MIN_BRIDGE) & ~known).tolist()
+    if not pictures:
+        return []
+    return [
+        Finding(
+            code="few-tracks",
+            frames=tuple((picture, picture) for picture in pictures),
+            sentence=f"Few tracks have points in the pictures {_listed(pictures)}, "
+            f"{int(points[pictures].min())} at least; {MIN_BRIDGE} are needed.",
+            advice="The encoder spent little on them: encode anew for matching (--re-encode).",
+        )
+    ]
 
 
 def _motionless(tracks: Tracks, num_frames: int) -> list[Finding]:
     """Find parts in which the camera stands still."""
-    step = np.full(num_frames, np.inf)
-    for frame in range(1, num_frames):
-        step[frame] = _median_motion(tracks, frame - 1, frame)
-    parts: list[tuple[int, int]] = []
-    for first, last in _runs(step < STILL):
-        if last - first + 2 < MIN_PART:
-            continue
-        drift = _median_motion(tracks, first - 1, last)
-        if not MAX_DRIFT < drift < np.inf:
-            parts.append((first - 1, last))
+    parts = parts_at_rest(tracks, num_frames)
     if not parts:
         return []
     return [
@@ -258,15 +250,17 @@ def _motionless(tracks: Tracks, num_frames: int) -> list[Finding]:
             frames=tuple(parts),
             sentence=f"The camera does not move in the pictures {_ranges(parts)}: "
             "without parallax there is no depth.",
-            advice="Leave them out, or begin where the camera moves.",
+            advice="The camera has to move through the scene."
+            if parts == [(0, num_frames - 1)]
+            else "Leave them out, or begin where the camera moves.",
         )
     ]
 
 
 def _degenerate(evidence: Evidence, num_frames: int) -> list[Finding]:
     """Find parts in which the camera only turns, or sees one plane."""
-    turns = _where(evidence, num_frames, _is_turn)
-    planes = _where(evidence, num_frames, _is_plane)
+    turns = parts_where(evidence, num_frames, is_turn)
+    planes = parts_where(evidence, num_frames, is_plane)
     found: list[Finding] = []
     if turns:
         found.append(
@@ -291,30 +285,6 @@ def _degenerate(evidence: Evidence, num_frames: int) -> list[Finding]:
             )
         )
     return found
-
-
-def _where(
-    evidence: Evidence, num_frames: int, holds: Callable[[PairEvidence], bool]
-) -> list[tuple[int, int]]:
-    """Parts in which most of the pairs across each boundary have a property."""
-    votes = np.zeros(num_frames + 1, np.int64)
-    for pair in evidence.pairs:
-        vote = 1 if holds(pair) else -1
-        # Images are frames plus one: the pair reaches over the boundaries image0 to image1 - 1.
-        votes[pair.image0] += vote
-        votes[pair.image1] -= vote
-    runs = _runs(np.cumsum(votes)[:num_frames] > 0)
-    return [(first - 1, last) for first, last in runs if last - first + 2 >= MIN_PART]
-
-
-def _is_turn(pair: PairEvidence) -> bool:
-    flat = pair.homography_ratio > FLAT_SHARE
-    return flat and pair.stretch < MIN_STRETCH and pair.displacement >= MAX_DRIFT
-
-
-def _is_plane(pair: PairEvidence) -> bool:
-    flat = pair.homography_ratio > FLAT_SHARE
-    return flat and pair.stretch >= MIN_STRETCH and pair.displacement >= MIN_FLAT_MOTION
 
 
 def _focal_length(result: ReconstructionResult, evidence: Evidence) -> list[Finding]:
@@ -368,15 +338,18 @@ def _unregistered(result: ReconstructionResult) -> list[Finding]:
     missing = np.ones(result.total + 1, np.bool_)
     missing[[image - 1 for image in model.reg_image_ids()]] = False
     missing[-1] = False
-    runs = _runs(missing)
-    if not runs:
+    parts = runs(missing)
+    if not parts:
         return []
     return [
         Finding(
             code="unregistered",
-            frames=tuple(runs),
-            sentence=f"The pictures {_ranges(runs)} are not in the model.",
-            advice="Reconstruct them as a video, or folder of pictures, of their own.",
+            frames=tuple(parts),
+            sentence=f"The pictures {_ranges(parts)} are not in the model.",
+            advice="Reconstruct them as a video, or folder of pictures, of their own."
+            if max(last - first for first, last in parts) >= MIN_PART
+            else "Too few good matches reach them: a better quality may give more "
+            "(--re-encode --set encode.quality=20).",
         )
     ]
 
@@ -390,22 +363,8 @@ def _unexplained(result: ReconstructionResult) -> Finding:
     )
 
 
-def _median_motion(tracks: Tracks, frame0: int, frame1: int) -> float:
-    """Median motion in px between two frames; infinite without matches."""
-    pair = tracks.between(frame0, frame1)
-    if not len(pair):
-        return math.inf
-    return float(np.median(np.linalg.norm(pair.xy1 - pair.xy0, axis=1)))
-
-
 def _focal(cameras: Mapping[int, pycolmap.Camera]) -> float:
     return max(camera.mean_focal_length() for camera in cameras.values())
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-    return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist()]
 
 
 def _ranges(parts: Sequence[tuple[int, int]]) -> str:
