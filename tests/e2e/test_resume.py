@@ -159,7 +159,7 @@ AFTER_MATCH = TAKING_PART[2:]
         ({"track": {"min_length": 4}}, TAKING_PART[1:]),
         ({"footage": {"shots": {"still": 0.3}}}, TAKING_PART[1:]),
         ({"read": {"threads": 1}}, []),
-        ({"refine": {"max_shift": 1.5}}, []),
+        ({"refine": {"num_neighbors": 10}}, []),
         ({"movers": {"min_weight": 0.4}}, AFTER_MATCH),
         ({"verification": {"mode": "trust"}}, ["database", "map", "densify"]),
         ({"mapper": {"max_attempts": 3}}, ["map", "densify"]),
@@ -169,12 +169,19 @@ AFTER_MATCH = TAKING_PART[2:]
 def test_a_changed_option_repeats_what_depends_on_it_and_nothing_else(
     changed: dict[str, Any], again: list[str], clip: Path, copied: Path
 ) -> None:
-    stage, values = next(iter(changed.items()))
-    if stage == "refine":
-        first = dataclasses.fields(DENSE.refine)[-1].name
-        values = {first: getattr(DENSE.refine, first) * 2}
-    options = from_mapping({stage: values}, DENSE)
+    options = from_mapping(changed, DENSE)
     assert names_made(full_run(clip, copied, options=options)) == again
+
+
+def test_refined_tracks_are_kept_beside_those_they_were_made_from(clip: Path, copied: Path) -> None:
+    pytest.importorskip("cv2")
+    refined = from_mapping({"refine": {"enabled": True}}, DENSE)
+    first = full_run(clip, copied, options=refined)
+    assert names_made(first) == ["refine", *AFTER_MATCH]
+    again = full_run(clip, copied, options=refined)
+    assert names_made(again) == []
+    assert facts(again) == facts(first)
+    assert names_made(full_run(clip, copied)) == AFTER_MATCH
 
 
 def test_another_camera_leaves_the_tracks(clip: Path, copied: Path) -> None:
