@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import errno
 import hashlib
-import importlib.metadata
 import json
 import shutil
 import sys
@@ -20,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mvmatch import __version__
 from mvmatch.encode.frames import IMAGE_SUFFIXES
 from mvmatch.errors import DataError, cannot_write
 from mvmatch.measure import StageClock, StageCost
@@ -175,8 +175,7 @@ def open_work(out: Path) -> Generator[Work]:
 
 def digest(*facts: Any) -> str:
     """Return a key for plain values and option dataclasses, under this version of mvmatch."""
-    version = importlib.metadata.version("mvmatch")
-    text = json.dumps([SCHEMA_VERSION, version, *facts], sort_keys=True, default=_plain)
+    text = json.dumps([SCHEMA_VERSION, __version__, *facts], sort_keys=True, default=_plain)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

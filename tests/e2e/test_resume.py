@@ -17,11 +17,15 @@ import pytest
 
 pytest.importorskip("pycolmap")
 
-from mvmatch import outputs, pipeline
+import pycolmap
+
+from mvmatch import outputs, pipeline, products
 from mvmatch.cli import main
 from mvmatch.config import RunOptions, from_mapping
 from mvmatch.errors import DataError
 from mvmatch.pipeline import STAGES, Run, reconstruct_video
+from mvmatch.sfm import write_model
+from mvmatch.stages import Stage
 from mvmatch.tracks import TrackOptions
 from mvmatch.work import FOLDER, open_work
 
@@ -29,8 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from _pytest.capture import CaptureFixture
-
-    from mvmatch.stages import Stage
 
 CAMERA = "PINHOLE,260.48,260.48,176,100"
 """Of drive.ivf."""
@@ -225,6 +227,38 @@ def test_a_product_that_somebody_changed_is_made_anew(clip: Path, copied: Path) 
     with database.open("ab") as file:
         file.write(b"more")
     assert names_made(full_run(clip, copied)) == ["database"]
+
+
+def test_a_stage_is_added_by_an_entry_in_the_list(
+    clip: Path, copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def shift(state: Any, folder: Path) -> dict[str, Any]:
+        model = state.model.reconstruction
+        model.transform(pycolmap.Sim3d(scale=2.0))
+        write_model(model, folder / outputs.MODEL)
+        return {"scale": 2.0}
+
+    def load(state: Any, folder: Path, facts: dict[str, Any]) -> None:
+        state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+
+    added = Stage(
+        name="scale",
+        title="scale",
+        needs=("map",),
+        depends=lambda _: None,
+        make=shift,
+        load=load,
+    )
+    until_map = STAGES[: [stage.name for stage in STAGES].index("map") + 1]
+    monkeypatch.setattr(pipeline, "STAGES", (*until_map, added))
+    first = full_run(clip, copied)
+    assert [cost["name"] for cost in first.data["stages"] if not cost["reused"]] == ["scale"]
+    kept = copied / FOLDER / "scale" / outputs.MODEL / "0" / "images.bin"
+    assert kept.read_bytes() == (copied / outputs.MODEL / "0" / "images.bin").read_bytes()
+    again = full_run(clip, copied)
+    assert again.reused[-1] == "scale"
+    points = [len(each.model.reconstruction.points3D) for each in (first, again)]
+    assert points[0] == points[1] > 0
 
 
 KILLED = """
