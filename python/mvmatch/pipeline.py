@@ -153,10 +153,9 @@ def reconstruct_video(
     source : Path
         An AV1 video, any other video FFmpeg decodes, or a folder of at least two images.
     out : Path
-        Folder for the results. They appear when everything is complete, in the place of those of
-        an older run. Stages that a run into the same folder has finished are not repeated as long
-        as the input and the options they depend on are the same; so a run that was interrupted
-        goes on where it was. Their products are kept in ``out/.work``.
+        Folder for the results, which appear when all are complete, in the place of older ones.
+        Stages that an earlier run into it has finished, interrupted or not, are not repeated while
+        the input and the options they depend on stay the same (kept in ``out/.work``).
     camera : str, optional
         See :func:`mvmatch.camera.parse_camera`; a prior without.
     options : RunOptions, optional
@@ -173,8 +172,8 @@ def reconstruct_video(
     Returns
     -------
     Run
-        With ``model.accepted`` False when the mapper found no model that holds: then ``out`` has
-        everything but ``sparse/``.
+        With ``model.accepted`` False when no model holds: then ``out`` has all but ``sparse/``, and
+        ``diagnosis`` says why.
 
     Raises
     ------
@@ -194,6 +193,11 @@ def reconstruct_video(
         masks=masks,
         progress=progress,
     )
+    return _run(state, out, fresh=fresh)
+
+
+def _run(state: State, out: Path, *, fresh: bool) -> Run:
+    """Run the stages, and publish what they made when all is there."""
     with open_work(out) as work:
         if fresh:
             work.forget()

@@ -85,9 +85,13 @@ class State:
     @property
     def image_names(self) -> tuple[str, ...]:
         """Name of the image of every frame."""
+        return self.first_names(self.match.num_frames)
+
+    def first_names(self, num_frames: int) -> tuple[str, ...]:
+        """Return the names of the first images."""
         if self.encoding is not None and self.encoding.image_names is not None:
-            return self.encoding.image_names[: self.match.num_frames]
-        return frame_names(self.match.num_frames)
+            return self.encoding.image_names[:num_frames]
+        return frame_names(num_frames)
 
     @property
     def tracks(self) -> Tracks:
@@ -146,19 +150,19 @@ def encode_depends(state: State) -> Any:
 def match(state: State, folder: Path) -> Facts:
     """Read motion vectors and chain them into tracks."""
     options = state.options
-    state.match = match_video(
+    found = match_video(
         state.video,
         options=options.track,
         footage=options.footage,
         read=options.read,
         progress=state.progress,
     )
-    _require_tracks(state)
+    _require_tracks(state, found)
     return products.write_match(
-        state.match,
+        found,
         folder,
         tracks=outputs.TRACKS,
-        image_names=state.image_names,
+        image_names=state.first_names(found.num_frames),
         options=to_mapping(options.track),
     )
 
@@ -324,8 +328,7 @@ def frame_names(num_frames: int) -> tuple[str, ...]:
     return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
 
 
-def _require_tracks(state: State) -> None:
-    match = state.match
+def _require_tracks(state: State, match: Match) -> None:
     if len(match.tracks):
         return
     if match.damage is not None:

@@ -345,7 +345,7 @@ sys.exit(main(["run", sys.argv[1], "-o", sys.argv[2], "--camera", sys.argv[3]]))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of Unix")
-@pytest.mark.parametrize("num_bytes", [5_000, 50_000, 100_000, 200_000])
+@pytest.mark.parametrize("num_bytes", [5_000, 100_000, 200_000])
 def test_writing_that_fails_anywhere_is_two_lines_and_never_half_a_result(
     num_bytes: int, clip: Path, tmp_path: Path
 ) -> None:
