@@ -297,6 +297,7 @@ def find_faults(state: State, folder: Path) -> Facts:  # noqa: ARG001
         footage=match.footage,
         key_frames=keys,
         damage=match.damage,
+        skipped=match.skipped,
     )
     return dataclasses.asdict(diagnosis)
 

@@ -53,7 +53,7 @@ def sideways(count, step=0.3):
 
 def footage(**found):
     nowhere = Overlays(end=np.array([1]), cells=np.zeros((1, 1, 1), bool))
-    nothing = {"cuts": (), "jumps": (), "repeats": (), "num_overlay_observations": 0}
+    nothing = {"cuts": (), "breaks": (), "jumps": (), "repeats": (), "num_overlay_observations": 0}
     return Footage(**nothing | found, overlays=nowhere)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from mvmatch.sfm.mapping import MIN_STRETCH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -90,6 +90,17 @@ def runs(mask: NDArray[np.bool_]) -> list[Part]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(first, end - 1) for first, end in edges.reshape(-1, 2).tolist()]
+
+
+def named_parts(parts: Sequence[Part]) -> str:
+    """Name the first five parts."""
+    named = [str(a) if a == b else f"{a} to {b}" for a, b in parts[:5]]
+    return ", ".join(named) + (" …" if parts[5:] else "")
+
+
+def named_frames(frames: Sequence[int]) -> str:
+    """Name the first five frames."""
+    return named_parts([(frame, frame) for frame in frames])
 
 
 def _median_motion(tracks: Tracks, frame0: int, frame1: int) -> float:

@@ -24,6 +24,8 @@ from mvmatch.sfm.breaks import (
     bridging_tracks,
     is_plane,
     is_turn,
+    named_frames,
+    named_parts,
     parts_at_rest,
     parts_where,
     runs,
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from mvmatch.sfm.breaks import Part
     from mvmatch.sfm.evidence import Evidence
     from mvmatch.sfm.mapping import ReconstructionResult
+    from mvmatch.sources import Skipped
     from mvmatch.types import Tracks
 
 Status = Literal["complete", "partial", "failed"]
@@ -72,6 +75,8 @@ MAX_PRIOR_FACTOR = 3.0
 closer to the guess."""
 
 _MAX_PAIRS = 20_000
+
+_COPY_AGAIN = "Copy or download the video again."
 
 _NO_PARALLAX = frozenset({"static", "rotation", "planar"})
 """Where these were found, nothing is known of the focal length."""
@@ -116,6 +121,7 @@ def diagnose(
     footage: Footage,
     key_frames: Iterable[int] = (),
     damage: MvmatchError | None = None,
+    skipped: Sequence[Skipped] = (),
 ) -> Diagnosis:
     """Find out what stands in the way of a whole model.
 
@@ -133,6 +139,8 @@ def diagnose(
         Pictures at which the encoder cut all tracks.
     damage : MvmatchError, optional
         Why the stream broke off after the last picture.
+    skipped : sequence of Skipped, optional
+        What was left out of a stream that was read on after damage.
 
     Returns
     -------
@@ -155,7 +163,7 @@ def diagnose(
         found: list[Finding] = []
     else:
         parts = [
-            *_broken(tracks, footage, frozenset(key_frames), result.total),
+            *_broken(tracks, footage, frozenset(key_frames), result.total, bool(skipped)),
             *_motionless(tracks, result.total),
             *_degenerate(evidence, result.total),
         ]
@@ -173,12 +181,16 @@ def _damage(damage: MvmatchError, num_frames: int) -> Finding:
         code="damage",
         frames=((num_frames, num_frames),),
         sentence=f"The stream broke off before picture {num_frames}: {damage}",
-        advice="Copy or download the video again; --errors resume reads on after the damage.",
+        advice=f"{_COPY_AGAIN[:-1]}; --errors resume reads on after the damage.",
     )
 
 
 def _broken(
-    tracks: Tracks, footage: Footage, key_frames: frozenset[int], num_frames: int
+    tracks: Tracks,
+    footage: Footage,
+    key_frames: frozenset[int],
+    num_frames: int,
+    is_damaged: bool,  # noqa: FBT001
 ) -> list[Finding]:
     """Find where too few tracks lead on, and say why if that is known."""
     bridge = bridging_tracks(tracks, num_frames)
@@ -202,12 +214,15 @@ def _broken(
             Finding(
                 code="key-frame",
                 frames=tuple((key, key) for key in keys),
-                sentence=f"Tracks end at the key frames {_listed(keys)} of the video.",
+                sentence=f"Tracks end at the key frames {named_frames(keys)} of the video.",
                 advice="Encode it anew for matching: --re-encode.",
             )
         )
     for first, last in runs(weak & ~at_key):
         fewest = int(bridge[first : last + 1].min())
+        if is_damaged and not fewest:
+            found.append(_lost(first, last))
+            continue
         found.append(
             Finding(
                 code="few-tracks",
@@ -222,6 +237,16 @@ def _broken(
     return found + _thin(tracks, weak | np.roll(weak, -1))
 
 
+def _lost(first: int, last: int) -> Finding:
+    part = named_parts([(first, last)])
+    return Finding(
+        code="damage",
+        frames=((first, last),),
+        sentence=f"The stream is damaged: no track goes on into the pictures {part}.",
+        advice=_COPY_AGAIN,
+    )
+
+
 def _thin(tracks: Tracks, known: NDArray[np.bool_]) -> list[Finding]:
     """Find pictures with few points of the tracks that lead past them."""
     points = np.bincount(tracks.frame, minlength=len(known))
@@ -232,7 +257,7 @@ def _thin(tracks: Tracks, known: NDArray[np.bool_]) -> list[Finding]:
         Finding(
             code="few-tracks",
             frames=tuple((picture, picture) for picture in pictures),
-            sentence=f"Few tracks have points in the pictures {_listed(pictures)}, "
+            sentence=f"Few tracks have points in the pictures {named_frames(pictures)}, "
             f"{int(points[pictures].min())} at least; {MIN_BRIDGE} are needed.",
             advice="The encoder spent little on them: encode anew for matching (--re-encode).",
         )
@@ -248,7 +273,7 @@ def _motionless(tracks: Tracks, num_frames: int) -> list[Finding]:
         Finding(
             code="static",
             frames=tuple(parts),
-            sentence=f"The camera does not move in the pictures {_ranges(parts)}: "
+            sentence=f"The camera does not move in the pictures {named_parts(parts)}: "
             "without parallax there is no depth.",
             advice="The camera has to move through the scene."
             if parts == [(0, num_frames - 1)]
@@ -267,7 +292,7 @@ def _degenerate(evidence: Evidence, num_frames: int) -> list[Finding]:
             Finding(
                 code="rotation",
                 frames=tuple(turns),
-                sentence=f"The camera only turns in the pictures {_ranges(turns)}: "
+                sentence=f"The camera only turns in the pictures {named_parts(turns)}: "
                 "a rotation explains the matches.",
                 advice="Give footage in which the camera moves sideways while it turns, or leave "
                 "the part out.",
@@ -278,7 +303,7 @@ def _degenerate(evidence: Evidence, num_frames: int) -> list[Finding]:
             Finding(
                 code="planar",
                 frames=tuple(planes),
-                sentence=f"One plane explains the matches in the pictures {_ranges(planes)}: "
+                sentence=f"One plane explains the matches in the pictures {named_parts(planes)}: "
                 "motion and camera are ambiguous there.",
                 advice="Let things of different depth into the picture, and give the true camera "
                 "with --camera.",
@@ -325,7 +350,7 @@ def _repeats(footage: Footage) -> list[Finding]:
         Finding(
             code="repeats",
             frames=tuple((frame, frame) for frame in footage.repeats),
-            sentence=f"The pictures {_listed(footage.repeats)} show the one before again.",
+            sentence=f"The pictures {named_frames(footage.repeats)} show the one before again.",
             advice="Leave them out: ffmpeg -i VIDEO -vf mpdecimate -fps_mode vfr OUT.",
         )
     ]
@@ -345,7 +370,7 @@ def _unregistered(result: ReconstructionResult) -> list[Finding]:
         Finding(
             code="unregistered",
             frames=tuple(parts),
-            sentence=f"The pictures {_ranges(parts)} are not in the model.",
+            sentence=f"The pictures {named_parts(parts)} are not in the model.",
             advice="Reconstruct them as a video, or folder of pictures, of their own."
             if max(last - first for first, last in parts) >= MIN_PART
             else "Too few good matches reach them: a better quality may give more "
@@ -365,13 +390,3 @@ def _unexplained(result: ReconstructionResult) -> Finding:
 
 def _focal(cameras: Mapping[int, pycolmap.Camera]) -> float:
     return max(camera.mean_focal_length() for camera in cameras.values())
-
-
-def _ranges(parts: Sequence[tuple[int, int]]) -> str:
-    """Name the first five parts."""
-    named = [str(a) if a == b else f"{a} to {b}" for a, b in parts[:5]]
-    return ", ".join(named) + (" …" if parts[5:] else "")
-
-
-def _listed(frames: Sequence[int]) -> str:
-    return _ranges([(frame, frame) for frame in frames])
