@@ -85,7 +85,8 @@ def run_demo(
         progress=progress,
     )
     error = _compare(scene, run)
-    run.data["stages"].insert(0, dataclasses.asdict(clock.stages[0]))
+    rendering = dataclasses.asdict(clock.stages[0]) | {"reused": False}
+    run.data["stages"].insert(0, rendering)
     if error is not None:
         run.data["accuracy"] = {
             "ate_percent": error.percent_of_path,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 
 class MvmatchError(Exception):
     """Base class of every error that mvmatch raises on purpose."""
@@ -50,7 +52,7 @@ class DataError(MvmatchError, ValueError):
 
 def cannot_write(path: object, error: OSError) -> DataError:
     """Return the error for a result that has no place."""
-    reason = error.strerror or str(error)
+    reason = str(error) if error.errno is None else os.strerror(error.errno)
     if isinstance(error, FileExistsError | NotADirectoryError):
         reason = "a part of this path is a file, not a folder"
     return DataError(f"cannot write {path} ({reason}). Choose another place")

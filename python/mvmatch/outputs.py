@@ -8,19 +8,18 @@ import importlib.metadata
 import platform
 import shutil
 import sys
-import tempfile
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mvmatch.errors import DataError, cannot_write
+from mvmatch.errors import DataError
+from mvmatch.work import FOLDER
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Iterable
 
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
-    from mvmatch.sfm import DensifySummary, MapperOptions, ReconstructionResult
+    from mvmatch.sfm import DensifySummary, Diagnosis, MapperOptions, ReconstructionResult
     from mvmatch.types import VideoInfo
 
 VIDEO = "encoded.ivf"
@@ -35,52 +34,52 @@ REPORT = "report.json"
 PAGE = "report.html"
 
 _OURS = (VIDEO, TRACKS, DATABASE, MODEL, MASKS, PAGE, REPORT)
+_PUBLISHING = f"{FOLDER}/publishing"
 _LIBRARIES = ("numpy", "av", "pycolmap", "pyarrow")
 _KEPT_FOCAL = 1e-6
 """Relative change of a focal length that is rounding only."""
 
 
-@contextmanager
-def staging(out: Path) -> Generator[Path]:
-    """Give a hidden folder inside ``out`` that is gone afterwards, and ``out`` with it if empty.
+def require_ours(out: Path) -> None:
+    """Refuse a folder in which a run would replace what is not of mvmatch.
 
     Raises
     ------
     DataError
-        ``out`` is a file, holds something that is no run, or cannot be written.
+        ``out`` is a file, or holds something that is no run.
     """
     if out.exists() and not out.is_dir():
         message = f"{out} is a file. Give a folder for the results"
         raise DataError(message)
     foreign = [name for name in _OURS if (out / name).exists()]
-    if foreign and not (out / REPORT).is_file():
+    if foreign and not (out / REPORT).is_file() and not (out / _PUBLISHING).is_file():
         message = (
             f"{out} holds {foreign[0]} that no run of mvmatch made: it would be replaced. "
             "Give another folder with -o"
         )
         raise DataError(message)
-    existed = out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
-    except OSError as error:
-        raise cannot_write(out, error) from error
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        if not existed and not any(out.iterdir()):
-            out.rmdir()
 
 
-def publish(folder: Path, out: Path) -> None:
-    """Move what a run made into its place; the report comes last, so that it means complete."""
+def publish(folders: Iterable[Path], out: Path) -> None:
+    """Give what stages made its place; the report comes last, so that it means complete.
+
+    Parameters
+    ----------
+    folders : iterable of Path
+        Of the stages, in their order. What bears the name of a result is one; a later stage's
+        takes the place of an earlier one's.
+    out : Path
+        Folder of the results. Files are linked where the disk can, else copied.
+    """
+    made = {name: folder / name for folder in folders for name in _OURS if (folder / name).exists()}
+    # Stopped in the middle, the folder has no report, but what is in it is ours.
+    (out / _PUBLISHING).touch()
     for name in reversed(_OURS):
         _remove(out / name)
     for name in _OURS:
-        made = folder / name
-        if made.exists():
-            made.replace(out / name)
+        if name in made:
+            _link(made[name], out / name)
+    (out / _PUBLISHING).unlink()
 
 
 def provenance() -> dict[str, Any]:
@@ -158,10 +157,15 @@ def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[s
 
 
 def describe_model(
-    model: ReconstructionResult, options: MapperOptions, dense: DensifySummary | None
+    model: ReconstructionResult,
+    options: MapperOptions,
+    dense: DensifySummary | None,
+    diagnosis: Diagnosis,
 ) -> dict[str, Any]:
     """Return the key ``model`` of the report."""
     return {
+        "status": diagnosis.status,
+        "findings": [dataclasses.asdict(finding) for finding in diagnosis.findings],
         "mapper": options.mapper,
         "accepted": model.accepted,
         "reasons": list(model.reasons),
@@ -173,6 +177,21 @@ def describe_model(
         "mean_track_length": model.mean_track_length,
         "attempts": [dataclasses.asdict(attempt) for attempt in model.attempts],
     }
+
+
+def _link(source: Path, path: Path) -> None:
+    """Give a file, or all files of a folder, a second name."""
+    if source.is_dir():
+        path.mkdir()
+        for inner in source.iterdir():
+            _link(inner, path / inner.name)
+        return
+    try:
+        path.hardlink_to(source)
+    except OSError:  # the disk knows no links
+        partial = path.with_name(f".{path.name}.partial")
+        shutil.copy2(source, partial)
+        partial.replace(path)
 
 
 def _remove(path: Path) -> None:

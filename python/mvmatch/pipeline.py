@@ -3,41 +3,114 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mvmatch import outputs
-from mvmatch.camera import parse_camera
+from mvmatch import outputs, stages
 from mvmatch.config import RunOptions, to_mapping
-from mvmatch.encode import EncodeResult, encode_video
-from mvmatch.errors import DataError, NotAv1Error
-from mvmatch.export.colmap import write_database
-from mvmatch.export.masks import write_masks
-from mvmatch.geometry.movers import track_weights
-from mvmatch.matching import (
-    Match,
-    Progress,
-    match_video,
-    open_source,
-    refine_match,
-    stage_progress,
-)
-from mvmatch.measure import StageClock, peak_rss_mb
+from mvmatch.errors import NotAv1Error
+from mvmatch.matching import Match, Progress, open_source
+from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
-from mvmatch.sfm import densify, reconstruct, write_model
-from mvmatch.store import TracksTable, write_tracks
-from mvmatch.types import Tracks
+from mvmatch.stages import Stage, State
+from mvmatch.work import digest, open_work
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from numpy.typing import NDArray
 
     from mvmatch.camera import CameraChoice
+    from mvmatch.encode import EncodeResult
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.sfm import DensifyOptions, DensifySummary, MapperOptions, ReconstructionResult
-    from mvmatch.tracks import TrackOptions
+    from mvmatch.sfm import DensifySummary, Diagnosis, ReconstructionResult
+    from mvmatch.work import Product, Work
+
+STAGES = (
+    Stage(
+        name="encode",
+        title="encode",
+        needs=(),
+        depends=stages.encode_depends,
+        make=stages.encode,
+        load=stages.load_encoding,
+        is_wanted=lambda state: state.has_to_encode,
+    ),
+    Stage(
+        name="match",
+        title="match",
+        needs=("encode",),
+        depends=stages.match_depends,
+        make=stages.match,
+        load=stages.load_match,
+    ),
+    Stage(
+        name="refine",
+        title="refine",
+        needs=("match",),
+        depends=lambda state: state.options.refine if state.options.refine.enabled else None,
+        make=stages.refine,
+        load=stages.load_refined,
+        is_wanted=lambda state: state.options.refine.enabled,
+    ),
+    Stage(
+        name="movers",
+        title="find movers",
+        needs=("refine",),
+        depends=stages.movers_depend,
+        make=stages.find_movers,
+        load=stages.load_weights,
+        is_wanted=lambda state: state.masks or state.options.movers.exclude,
+    ),
+    Stage(
+        name="database",
+        title="verify and write database",
+        needs=("movers",),
+        depends=lambda state: state.options.verification,
+        make=stages.make_database,
+        load=stages.load_database,
+    ),
+    Stage(
+        name="masks",
+        title="write masks",
+        needs=("movers",),
+        depends=lambda _: None,
+        make=stages.make_masks,
+        load=stages.load_nothing,
+        is_wanted=lambda state: state.masks,
+    ),
+    Stage(
+        name="map",
+        title="map",
+        needs=("database",),
+        depends=lambda state: state.options.mapper,
+        make=stages.map_database,
+        load=stages.load_model,
+    ),
+    Stage(
+        name="densify",
+        title="densify",
+        needs=("map",),
+        depends=lambda state: state.options.densify,
+        make=stages.make_denser,
+        load=stages.load_denser,
+        is_wanted=lambda state: state.model.accepted and len(state.match.further) > 0,
+    ),
+    Stage(
+        name="diagnose",
+        title="diagnose",
+        needs=("densify",),
+        depends=lambda _: None,
+        make=stages.find_faults,
+        load=stages.load_faults,
+        is_wanted=stages.is_incomplete,
+    ),
+)
+"""In the order in which they run. A stage sees what those before it have handed on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +127,10 @@ class Run:
     encoding: EncodeResult | None
     weights: NDArray[np.float64] | None
     """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
+    diagnosis: Diagnosis
+    """How much of a model there is, and what stands in the way of the rest."""
+    reused: tuple[str, ...]
+    """Titles of the stages that an earlier run into ``out`` had made."""
     data: dict[str, Any]
     """The report (docs/reference/report-schema.md)."""
 
@@ -66,6 +143,7 @@ def reconstruct_video(
     options: RunOptions | None = None,
     reencode: bool = False,
     masks: bool = False,
+    fresh: bool = False,
     progress: Progress | None = None,
 ) -> Run:
     """Turn a video or a folder of frames into tracks, a COLMAP database, a model and a report.
@@ -75,8 +153,9 @@ def reconstruct_video(
     source : Path
         An AV1 video, any other video FFmpeg decodes, or a folder of at least two images.
     out : Path
-        Folder for the results. It is filled when everything is complete: on an error nothing is
-        left there. An older run in it is replaced.
+        Folder for the results, which appear when all are complete, in the place of older ones.
+        Stages that an earlier run into it has finished, interrupted or not, are not repeated while
+        the input and the options they depend on stay the same (kept in ``out/.work``).
     camera : str, optional
         See :func:`mvmatch.camera.parse_camera`; a prior without.
     options : RunOptions, optional
@@ -85,14 +164,16 @@ def reconstruct_video(
         Encode AV1 input anew instead of using it as it is.
     masks : bool
         Write a mask per picture: moving objects and static overlays black.
+    fresh : bool
+        Use nothing that an earlier run has made.
     progress : Progress, optional
         Told about all stages.
 
     Returns
     -------
     Run
-        With ``model.accepted`` False when the mapper found no model that holds: then ``out`` has
-        everything but ``sparse/``.
+        With ``model.accepted`` False when no model holds: then ``out`` has all but ``sparse/``, and
+        ``diagnosis`` says why.
 
     Raises
     ------
@@ -103,167 +184,89 @@ def reconstruct_video(
     source, out = Path(source), Path(out)
     if options.refine.enabled:
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
-    clock = StageClock()
-    with outputs.staging(out) as staging:
-        with clock.stage("encode"):
-            video, encoding = _encoded(source, staging, options, reencode, progress)
-        if encoding is None:
-            clock.stages.clear()
-        with clock.stage("match"):
-            match = match_video(
-                video,
-                options=options.track,
-                footage=options.footage,
-                read=options.read,
-                progress=progress,
-            )
-        _require_tracks(video, match, options.track)
-        if options.refine.enabled:
-            pictures = video if encoding is None else source
-            with clock.stage("refine"):
-                match = refine_match(match, pictures, options=options.refine, progress=progress)
-        choice = parse_camera(camera, match.info.width, match.info.height)
-        names = _image_names(match.num_frames, encoding)
-        with clock.stage("find movers"):
-            weights = None
-            if masks or options.movers.exclude:
-                weights = track_weights(match.tracks, choice.camera, options=options.movers)
-        at_rest = _at_rest(match.tracks, weights, options)
-        table = TracksTable(tracks=match.all_tracks, info=match.info, image_names=names)
-        database = staging / outputs.DATABASE
-        _tell(progress, "verify")
-        with clock.stage("verify and write database"):
-            summary = write_database(
-                at_rest,
-                database,
-                camera=choice.camera,
-                image_names=names,
-                verification=options.verification,
-                max_gap=options.track.max_gap,
-                further=match.further,
-            )
-        write_tracks(table, staging / outputs.TRACKS, options=to_mapping(options.track))
-        if masks and weights is not None:
-            with clock.stage("write masks"):
-                write_masks(
-                    match.tracks,
-                    weights < options.movers.min_weight,
-                    staging / outputs.MASKS,
-                    size=(match.info.width, match.info.height),
-                    image_names=names,
-                    overlays=match.footage.overlays,
-                )
-        _tell(progress, "map")
-        with clock.stage("map"):
-            mapper = _one_shot(options.mapper, match)
-            model = reconstruct(database, staging / outputs.MODEL, options=mapper)
-        dense = None
-        if len(match.further):
-            _tell(progress, "densify")
-            with clock.stage("densify"):
-                dense = _densified(model, at_rest, match.further, options.densify)
-        run = Run(
-            out=out,
-            match=match,
-            database=summary,
-            model=model,
-            dense=dense,
-            camera=choice,
-            encoding=encoding,
-            weights=weights,
-            data={},
-        )
-        run.data.update(_report_data(run, source, options, clock))
-        _write_report(staging, run.data)
-        outputs.publish(staging, out)
-    return run if model.path is None else _moved(run, out / outputs.MODEL / model.path.name)
-
-
-def _densified(
-    model: ReconstructionResult, tracks: Tracks, further: Tracks, options: DensifyOptions
-) -> DensifySummary | None:
-    """Add the further tracks to an accepted model, and write it again."""
-    if model.path is None or model.reconstruction is None:
-        return None
-    summary = densify(model.reconstruction, Tracks.concatenate(tracks, further), options=options)
-    write_model(model.reconstruction, model.path.parent)
-    return summary
-
-
-def _one_shot(options: MapperOptions, match: Match) -> MapperOptions:
-    """Ask of the model that it holds the longest shot: across cuts nothing links the images."""
-    share = match.footage.longest_shot(match.num_frames) / match.num_frames
-    acceptance = options.acceptance
-    acceptance = dataclasses.replace(
-        acceptance,
-        min_registered=share * acceptance.min_registered,
-        min_observations=share * acceptance.min_observations,
+    outputs.require_ours(out)
+    state = State(
+        source=source,
+        options=options,
+        camera=camera,
+        has_to_encode=_has_to_encode(source, options, reencode=reencode),
+        masks=masks,
+        progress=progress,
     )
-    return dataclasses.replace(options, acceptance=acceptance)
+    return _run(state, out, fresh=fresh)
 
 
-def _at_rest(tracks: Tracks, weights: NDArray[np.float64] | None, options: RunOptions) -> Tracks:
-    """Tracks that go into the database."""
-    if weights is None or not options.movers.exclude:
-        return tracks
-    return tracks.select(weights >= options.movers.min_weight)
+def _run(state: State, out: Path, *, fresh: bool) -> Run:
+    """Run the stages, and publish what they made when all is there."""
+    with open_work(out) as work:
+        if fresh:
+            work.forget()
+        made, reused = _run_stages(state, work)
+        run = _finished(state, out, made, reused)
+        with work.scratch() as folder:
+            _write_report(folder, run.data)
+            outputs.publish([*(product.folder for product in made.values()), folder], out)
+        work.forget(keep=made)
+    return run
 
 
-def _moved(run: Run, path: Path) -> Run:
-    return dataclasses.replace(run, model=dataclasses.replace(run.model, path=path))
-
-
-def _require_tracks(video: Path, match: Match, options: TrackOptions) -> None:
-    if len(match.tracks):
-        return
-    if match.damage is not None:
-        raise match.damage
-    keys = sum(frame.frame_type == "KEY" for frame in match.frames if not frame.is_repeat)
-    reason = f": {keys} key frames in {match.num_frames} cut all tracks" if keys > 1 else ""
-    message = (
-        f"{video} gives no track of {options.min_length} frames{reason}. "
-        f"Encode it anew for matching: mvmatch run {video} --re-encode"
-    )
-    raise DataError(message)
-
-
-def _encoded(
-    source: Path,
-    staging: Path,
-    options: RunOptions,
-    reencode: bool,  # noqa: FBT001
-    progress: Progress | None,
-) -> tuple[Path, EncodeResult | None]:
-    """Return a video with usable motion: the source itself if it is AV1, else its encoding."""
+def _has_to_encode(source: Path, options: RunOptions, *, reencode: bool) -> bool:
+    """Whether the source is anything but AV1 that is used as it is."""
     if not source.exists():
         message = f"there is no file or folder {source}"
         raise FileNotFoundError(message)
-    if not source.is_dir() and not reencode:
-        try:
-            with open_source(source, options.read):
-                return source, None
-        except NotAv1Error:
-            pass  # any video that FFmpeg decodes can be encoded
-
-    tell = stage_progress(progress, "encode")
-    result = encode_video(source, staging / outputs.VIDEO, options=options.encode, progress=tell)
-    return result.path, result
+    if source.is_dir() or reencode:
+        return True
+    try:
+        with open_source(source, options.read):
+            return False
+    except NotAv1Error:
+        return True  # any video that FFmpeg decodes can be encoded
 
 
-def _image_names(num_frames: int, encoding: EncodeResult | None) -> tuple[str, ...]:
-    if encoding is not None and encoding.image_names is not None:
-        return encoding.image_names[:num_frames]
-    return frame_names(num_frames)
+def _run_stages(state: State, work: Work) -> tuple[dict[str, Product], tuple[str, ...]]:
+    """Run the stages, or take what is there of them; name those that were taken."""
+    keys: dict[str, str] = {}
+    made: dict[str, Product] = {}
+    reused: list[str] = []
+    for stage in STAGES:
+        needed = [keys[name] for name in stage.needs]
+        keys[stage.name] = key = digest(stage.name, stage.depends(state), needed)
+        if not stage.is_wanted(state):
+            continue
+        product = work.find(stage.name, key)
+        if product is None:
+            fill = functools.partial(stage.make, state)
+            product = work.make(stage.name, key, stage.title, fill)
+        else:
+            reused.append(stage.title)
+        stage.load(state, product.folder, product.facts)
+        made[stage.name] = product
+    return made, tuple(reused)
 
 
-def frame_names(num_frames: int) -> tuple[str, ...]:
-    """Names of a video's frames in a COLMAP model; they sort in frame order."""
-    return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
-
-
-def _tell(progress: Progress | None, stage: str) -> None:
-    if progress is not None:
-        progress(stage, 0, None)
+def _finished(state: State, out: Path, made: Mapping[str, Product], reused: tuple[str, ...]) -> Run:
+    """Return what the stages made, as it will be in ``out``, with its report."""
+    model, encoding = state.model, state.encoding
+    if model.path is not None:
+        model = dataclasses.replace(model, path=out / outputs.MODEL / model.path.name)
+    if encoding is not None:
+        encoding = dataclasses.replace(encoding, path=out / encoding.path.name)
+    run = Run(
+        out=out,
+        match=state.match,
+        database=state.summary,
+        model=model,
+        dense=state.dense,
+        camera=state.choice,
+        encoding=encoding,
+        weights=state.weights,
+        diagnosis=state.diagnosis,
+        reused=reused,
+        data={},
+    )
+    run.data.update(_report_data(run, state, [product.cost for product in made.values()]))
+    return run
 
 
 def _write_report(folder: Path, data: dict[str, Any]) -> None:
@@ -279,9 +282,8 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
     }
 
 
-def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock) -> dict[str, Any]:
-    match, model = run.match, run.model
-    tracks = _at_rest(match.tracks, run.weights, options)
+def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
+    match, model, tracks, options = run.match, run.model, state.tracks, state.options
     after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
     lengths = np.diff(tracks.offsets)
     warnings = [
@@ -291,11 +293,13 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
     ]
     return {
         **outputs.provenance(),
-        "input": outputs.describe_input(source, match.info, run.encoding),
+        "input": outputs.describe_input(state.source, match.info, run.encoding),
         "camera": outputs.describe_camera(run.camera, model),
         "options": to_mapping(options),
         "reference_structure": match.structure.summary(match.frames),
-        "stages": [dataclasses.asdict(stage) for stage in clock.stages],
+        "stages": [
+            dataclasses.asdict(cost) | {"reused": cost.name in run.reused} for cost in costs
+        ],
         "peak_rss_mb": peak_rss_mb(),
         "matches": {
             "num_tracks": len(tracks),
@@ -316,7 +320,7 @@ def _report_data(run: Run, source: Path, options: RunOptions, clock: StageClock)
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),
         "scores": [dataclasses.asdict(score) for score in run.database.scores],
-        "model": outputs.describe_model(model, options.mapper, run.dense),
+        "model": outputs.describe_model(model, options.mapper, run.dense, run.diagnosis),
         "damage": (
             None
             if match.damage is None

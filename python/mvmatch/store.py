@@ -111,7 +111,7 @@ def write_motion(
         extra = {
             "info": asdict(info),
             "fields": _header_columns(headers),
-            "frames": _facts_columns(frames()),
+            "frames": columns_of_frames(frames()),
         }
         writer.add_key_value_metadata(_metadata("motion", extra))
     return rows + waiting
@@ -124,11 +124,7 @@ class StoredMotion:
         self._file, extra = _open("motion", path)
         self._info = VideoInfo(**extra["info"])
         self._fields: dict[str, list[Any]] = extra["fields"]
-        self._frames = FrameLog()
-        for values in zip(*extra["frames"].values(), strict=True):
-            facts = dict(zip(extra["frames"], values, strict=True))
-            facts["ref_display_index"] = tuple(facts["ref_display_index"])
-            self._frames.append(FrameFacts(**facts))
+        self._frames = frames_of_columns(extra["frames"])
 
     @property
     def info(self) -> VideoInfo:
@@ -231,6 +227,25 @@ def read_tracks(path: Path) -> TracksTable:
     )
 
 
+def columns_of_frames(frames: Sequence[FrameFacts]) -> dict[str, list[Any]]:
+    """Return the facts of all frames by name, as JSON takes them."""
+    columns: dict[str, list[Any]] = {item.name: [] for item in fields_of(FrameFacts)}
+    for frame in frames:
+        for name, column in columns.items():
+            column.append(getattr(frame, name))
+    return columns
+
+
+def frames_of_columns(columns: Mapping[str, list[Any]]) -> FrameLog:
+    """Return the frames that :func:`columns_of_frames` was given."""
+    frames = FrameLog()
+    for values in zip(*columns.values(), strict=True):
+        facts = dict(zip(columns, values, strict=True))
+        facts["ref_display_index"] = tuple(facts["ref_display_index"])
+        frames.append(FrameFacts(**facts))
+    return frames
+
+
 def is_table(path: Path) -> bool:
     """Whether a file is Parquet (tables are told from videos by their first bytes)."""
     if not path.is_file():
@@ -317,15 +332,6 @@ def _motion_arrays(table: Any) -> dict[str, Any]:
         "warp": warp,
         **{name: column(name) for name in same},
     }
-
-
-def _facts_columns(frames: Sequence[FrameFacts]) -> dict[str, list[Any]]:
-    """Return the facts of all frames by name."""
-    columns: dict[str, list[Any]] = {item.name: [] for item in fields_of(FrameFacts)}
-    for frame in frames:
-        for name, column in columns.items():
-            column.append(getattr(frame, name))
-    return columns
 
 
 def _field_header(field: MotionField) -> tuple[float, ...]:

@@ -209,9 +209,13 @@ def test_of_two_shots_the_longer_one_is_modelled(
     if codec == "libsvtav1":
         name, pixels, options = "cut.ivf", "yuv420p", {**SVT, "g": "14"}
     clip = write_video(tmp_path / name, pictures, codec=codec, pixels=pixels, options=options)
-    report = run(clip, tmp_path / "out")
+    report = run(clip, tmp_path / "out", code=1)
     assert report["model"]["accepted"], report["model"]["reasons"]
     assert (report["model"]["registered"], report["model"]["total"]) == (14, 20)
+    assert report["model"]["status"] == "partial"
+    why, missing = report["model"]["findings"]
+    assert why["code"] == ("key-frame" if codec == "libsvtav1" else "scene-cut")
+    assert (why["frames"], missing["frames"]) == ([[14, 14]], [[14, 19]])
     assert report["footage"]["breaks"] == [14]
     assert "14" in warning(report, "the model holds one")
 
@@ -240,8 +244,9 @@ def test_a_damaged_stretch_leaves_the_longest_part(drive: Pictures, tmp_path: Pa
         options={**SVT, "g": "10"},
     )  # fmt: skip
     damage(clip, [5, 6])
-    report = run(clip, tmp_path / "out", "--errors", "resume")
+    report = run(clip, tmp_path / "out", "--errors", "resume", code=1)
     assert report["damage"] is None
+    assert {"code": "damage", "frames": [[5, 9]]}.items() <= report["model"]["findings"][1].items()
     assert report["skipped"][0]["after_frame"] == 5
     assert warning(report, "A part of the stream was skipped")
     assert report["model"]["accepted"], report["model"]["reasons"]

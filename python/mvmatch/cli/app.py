@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError
 
 import mvmatch
 from mvmatch.cli import bench, models, runs, stages
-from mvmatch.cli.console import Outcome, describe, show, show_error
+from mvmatch.cli.console import Outcome, describe, show, show_error, show_notes
 from mvmatch.cli.convert import convert
 from mvmatch.cli.demo import demo
 from mvmatch.cli.settings import UsageError
@@ -28,7 +28,9 @@ is at fault, 2 the command line is."""
 
 def build_app() -> App:
     """Return the command line."""
-    app = App(name="mvmatch", help=_HELP, version=mvmatch.__version__)
+    app = App(
+        name="mvmatch", help=_HELP, version=mvmatch.__version__, suppress_keyboard_interrupt=False
+    )
     verbs = (
         runs.run,
         stages.probe,
@@ -86,8 +88,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(json.dumps({"verb": words[0], "error": describe(error)}))
         show_error(error)
         return 1
-    except KeyboardInterrupt:
-        print("interrupted: nothing was left behind", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        kept = hasattr(interrupt, "__notes__")
+        print(f"interrupted{'' if kept else ': nothing was left behind'}", file=sys.stderr)
+        show_notes(interrupt)
         return 130
     return 0
 

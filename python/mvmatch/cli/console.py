@@ -43,6 +43,8 @@ class Outcome:
     """Why the result is only a part of what was asked for; the exit code is 1 then."""
     partial: str | None = None
     """What there is in spite of the failure."""
+    findings: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
+    """What stands in the way of more, each with what to try; the last lines, on stderr."""
 
 
 def show(outcome: Outcome, *, verb: str, as_json: bool) -> None:
@@ -66,6 +68,8 @@ def show(outcome: Outcome, *, verb: str, as_json: bool) -> None:
         if outcome.partial:
             print(f"partial: {outcome.partial}", file=sys.stderr)
         show_error(outcome.failure)
+    for sentence, advice in outcome.findings:
+        print(f"found: {sentence}\n       {advice}", file=sys.stderr)
 
 
 def _show_text(outcome: Outcome) -> None:
@@ -86,6 +90,13 @@ def show_error(error: Exception) -> None:
     what, advice = split_advice(error)
     print(f"error: {what}", file=sys.stderr)
     print(f"       {advice}", file=sys.stderr)
+    show_notes(error)
+
+
+def show_notes(error: BaseException) -> None:
+    """Print what an error has to say besides: what there is in spite of it."""
+    for note in getattr(error, "__notes__", ()):
+        print(f"kept:  {note}", file=sys.stderr)
 
 
 def describe(error: Exception) -> dict[str, Any]:

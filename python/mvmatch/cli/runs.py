@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome, Ticker
-from mvmatch.cli.models import MODEL_ADVICE, Camera, Mapper, look_at, model_figures, with_mapper
+from mvmatch.cli.models import Camera, Mapper, look_at, model_figures, with_mapper
 from mvmatch.cli.settings import (
     ExistingPath,
     Json,
@@ -37,6 +37,7 @@ def run(
     refine: Refine = False,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
     masks: Annotated[bool, Parameter(negative="")] = False,
+    fresh: Annotated[bool, Parameter(negative="")] = False,
     print_config: Annotated[bool, Parameter(negative="")] = False,
     settings: Settings | None = None,
     json: Json = False,
@@ -55,6 +56,8 @@ def run(
         Encode AV1 input anew too.
     masks
         Write masks for COLMAP: moving objects and static overlays black.
+    fresh
+        Start over: use nothing that an earlier run into the same folder has finished.
     print_config
         Only print the effective options as TOML.
     """
@@ -76,6 +79,7 @@ def run(
             options=options,
             reencode=re_encode,
             masks=masks,
+            fresh=fresh,
             progress=tell,
         )
     return run_outcome(made)
@@ -84,15 +88,8 @@ def run(
 def run_outcome(made: Run) -> Outcome:
     """Return what a whole run says at its end."""
     from mvmatch import outputs
-    from mvmatch.errors import DataError
 
-    failure: Exception | None = made.match.damage
-    if not made.model.accepted:
-        reasons = "; ".join(made.model.reasons)
-        failure = DataError(f"no model holds: {reasons}. {MODEL_ADVICE}")
-    stages: list[dict[str, Any]] = made.data["stages"]
-    cost = ", ".join(f"{stage['name']} {stage['wall_s']:.1f} s" for stage in stages)
-    cpu = sum(stage["cpu_s"] for stage in stages)
+    failure = _failure(made)
     warnings: list[str] = made.data["warnings"]
     if failure is made.match.damage is not None:
         warnings = [text for text in warnings if not text.startswith("The stream broke off")]
@@ -110,7 +107,7 @@ def run_outcome(made: Run) -> Outcome:
             f"{made.database.num_verified_pairs} image pairs",
             **model_figures(made.model),
             **({} if made.dense is None else {"dense": f"{made.dense.num_points:,} points"}),
-            "cost": f"{cost}; {cpu:.1f} CPU s",
+            **_cost(made),
         },
         next=(
             f"open {made.out / outputs.PAGE}"
@@ -121,7 +118,33 @@ def run_outcome(made: Run) -> Outcome:
         warnings=warnings,
         failure=failure,
         partial=_partial(made),
+        findings=[(each.sentence, each.advice) for each in made.diagnosis.findings],
     )
+
+
+def _failure(made: Run) -> Exception | None:
+    """Return why the model is not that of the whole video."""
+    from mvmatch.errors import DataError
+
+    model, advice = made.model, "What stands in the way, and what to try, follows"
+    if not model.accepted:
+        return DataError(f"no model holds: {', '.join(model.reasons)}. {advice}")
+    if model.registered < model.total:
+        return DataError(f"the model holds {model.registered} of {model.total} pictures. {advice}")
+    return made.match.damage
+
+
+def _cost(made: Run) -> dict[str, str]:
+    """Return what this run cost, and what it took from one before."""
+    stages: list[dict[str, Any]] = made.data["stages"]
+    spent = [stage for stage in stages if not stage["reused"]]
+    cost = ", ".join(f"{stage['name']} {stage['wall_s']:.1f} s" for stage in spent)
+    figures: dict[str, str] = {}
+    if made.reused:
+        figures["reused"] = f"{', '.join(made.reused)} of an earlier run (--fresh starts over)"
+    if spent:
+        figures["cost"] = f"{cost}; {sum(stage['cpu_s'] for stage in spent):.1f} CPU s"
+    return figures
 
 
 def _images(made: Run) -> Path:
@@ -146,4 +169,6 @@ def _partial(made: Run) -> str | None:
         )
     if not made.model.accepted:
         return "tracks, database and report are complete; there is no model"
+    if made.model.registered < made.model.total:
+        return "tracks, database and report cover the whole video, the model a part of it"
     return None

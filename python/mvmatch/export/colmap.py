@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from mvmatch.geometry.two_view import PairGeometry
     from mvmatch.types import TwoViewScore
 
+_NO_SPACE = "Is the disk full? Make room, or choose another place"
+
 PLANAR_RATIO = 0.8
 """H explaining this share of E's inliers means no parallax (COLMAP's ``max_H_inlier_ratio``)."""
 
@@ -162,12 +164,10 @@ def calibrated_geometry(
 def new_database(path: Path) -> Generator[pycolmap.Database]:
     """Open a new database that appears under its name only when the block ends without error.
 
-    Everything in the block is one transaction.
-
     Raises
     ------
     DataError
-        The folder is missing or cannot be written.
+        The folder is missing or cannot be written, or the disk is full.
     """
     import pycolmap
 
@@ -181,12 +181,16 @@ def new_database(path: Path) -> Generator[pycolmap.Database]:
             f"cannot write the database {path}: {error.strerror}; choose another folder"
         ) from error
     try:
-        with (
-            pycolmap.Database.open(partial) as database,
-            pycolmap.DatabaseTransaction(database),
-        ):
+        # No pycolmap.DatabaseTransaction: on a full disk its end would end the whole process.
+        with pycolmap.Database.open(partial) as database:
             yield database
+        if partial.with_name(f"{partial.name}-wal").exists():
+            raise DataError(f"cannot write the database {path}: its end is missing. {_NO_SPACE}")
         partial.replace(path)
+    except RuntimeError as error:
+        if "SQLite error" not in str(error) and "database factory" not in str(error):
+            raise
+        raise DataError(f"cannot write the database {path} ({error}). {_NO_SPACE}") from error
     finally:
         _remove(partial)
 

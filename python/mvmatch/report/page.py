@@ -19,6 +19,7 @@ def page(facts: Facts) -> str:
         f'<p class="soft">{escape(_subtitle(facts))}</p>',
         _verdict(facts),
         sections.tiles(facts),
+        sections.findings(facts),
         sections.notes(facts),
         sections.accuracy(facts),
         sections.source(facts),

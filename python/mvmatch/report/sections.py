@@ -51,6 +51,19 @@ def notes(facts: Facts) -> str:
     return _section("Warnings", f"<ul>{listed}</ul>")
 
 
+def findings(facts: Facts) -> str:
+    """Return what stands in the way of a whole model, and what to try."""
+    found = items(part(facts, "model"), "findings")
+    if not found:
+        return ""
+    lines = (
+        f"<li>{escape(str(each.get('sentence')))}<br>"
+        f'<span class="soft">{escape(str(each.get("advice")))}</span></li>'
+        for each in found
+    )
+    return _section("What stands in the way", f"<ul>{''.join(lines)}</ul>")
+
+
 def accuracy(facts: Facts) -> str:
     """Comparison with known poses."""
     known = part(facts, "accuracy")

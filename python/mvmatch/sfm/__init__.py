@@ -2,6 +2,7 @@
 
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
+from mvmatch.sfm.diagnosis import Diagnosis, Finding, diagnose, status_of
 from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct, write_model
 from mvmatch.sfm.options import MapperOptions
 
@@ -10,10 +11,14 @@ __all__ = [
     "Attempt",
     "DensifyOptions",
     "DensifySummary",
+    "Diagnosis",
+    "Finding",
     "MapperOptions",
     "ModelCheck",
     "ReconstructionResult",
     "densify",
+    "diagnose",
     "reconstruct",
+    "status_of",
     "write_model",
 ]

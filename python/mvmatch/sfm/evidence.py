@@ -108,7 +108,10 @@ class Evidence:
 
 
 def read_evidence(
-    database_path: Path, *, cameras: Mapping[int, pycolmap.Camera] | None = None
+    database_path: Path,
+    *,
+    cameras: Mapping[int, pycolmap.Camera] | None = None,
+    max_pairs: int = MAX_PAIRS,
 ) -> Evidence:
     """Measure the relative motion of a database's verified image pairs.
 
@@ -118,6 +121,9 @@ def read_evidence(
         COLMAP database with two-view geometries.
     cameras : Mapping, optional
         Cameras by id that replace those the geometries were written with: pairs are fitted anew.
+    max_pairs : int
+        Pairs measured; of more a selection is taken. Those that have to be fitted are
+        `MAX_REFITTED_PAIRS` at most.
 
     Returns
     -------
@@ -151,7 +157,7 @@ def read_evidence(
     refit = cameras is not None
     measured = dict(cameras) if refit else known
     pairs: list[PairEvidence] = []
-    for ids, geometry in _selection(usable, MAX_REFITTED_PAIRS if refit else MAX_PAIRS):
+    for ids, geometry in _selection(usable, MAX_REFITTED_PAIRS if refit else max_pairs):
         views = [measured[images[image_id].camera_id] for image_id in ids]
         inliers = geometry.inlier_matches
         points = [keypoints[ids[side]][inliers[:, side]] for side in (0, 1)]

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import logging
 import math
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass
@@ -336,6 +338,8 @@ def write_model(model: pycolmap.Reconstruction, out: Path) -> Path:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir(parents=True)
         model.write_binary(partial)
+        if not _is_whole(partial, model):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         shutil.rmtree(path, ignore_errors=True)
         partial.replace(path)
     except OSError as error:
@@ -343,6 +347,21 @@ def write_model(model: pycolmap.Reconstruction, out: Path) -> Path:
             f"cannot write the model {path}: {error.strerror}; choose another folder"
         ) from error
     return path
+
+
+def _is_whole(folder: Path, model: pycolmap.Reconstruction) -> bool:
+    """Whether a model was written to its end: on a full disk COLMAP stops without a word."""
+    import pycolmap
+
+    try:
+        written = pycolmap.Reconstruction(folder)
+    except (RuntimeError, ValueError):
+        return False
+    return (
+        written.num_reg_images() == model.num_reg_images()
+        and written.num_points3D() == model.num_points3D()
+        and written.compute_num_observations() == model.compute_num_observations()
+    )
 
 
 def _check_database(path: Path) -> None:

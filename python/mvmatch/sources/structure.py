@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -80,6 +80,28 @@ class ReferenceStructure:
         inside = np.maximum(frame, reference) < num_frames
         np.add.at(counts, (frame[inside], reference[inside]), rows[inside])
         return counts + counts.T
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return all counts as arrays, to be stored."""
+        distances = sorted(self._rows)
+        counts = [(each, self._rows[each], self._area[each]) for each in distances]
+        return {
+            "per_distance": np.array(counts, np.int64).reshape(-1, 3),
+            "per_frame": np.array(self._per_frame, np.int64).reshape(-1, 2),
+            "per_pair": np.array(self._pairs, np.int64).reshape(-1, 3),
+            "inter_area": np.array([self._inter_area, self._inter_picture_area]),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> ReferenceStructure:
+        """Return the counts that :meth:`to_arrays` gave."""
+        structure = cls()
+        for distance, rows, area in arrays["per_distance"].tolist():
+            structure._rows[distance], structure._area[distance] = rows, area
+        structure._per_frame.extend(arrays["per_frame"].ravel().tolist())
+        structure._pairs.extend(arrays["per_pair"].ravel().tolist())
+        structure._inter_area, structure._inter_picture_area = arrays["inter_area"].tolist()
+        return structure
 
     def summary(self, frames: Sequence[FrameFacts]) -> dict[str, Any]:
         """Return the counts as plain numbers for reports (docs/reference/report-schema.md)."""

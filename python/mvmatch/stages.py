@@ -1,0 +1,343 @@
+"""The stages of a run: what each makes of the state, what it hands on, what it depends on.
+
+A stage *makes* files in a folder and plain facts, then *loads* them into the state; a later run
+loads what an earlier one made. So whatever is not written is not handed on, and a run that goes on
+from an interruption has the result of one that was never stopped. The order is in
+:mod:`mvmatch.pipeline`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mvmatch import outputs, products
+from mvmatch.camera import CameraChoice, parse_camera
+from mvmatch.config import RunOptions, to_mapping
+from mvmatch.encode import encode_video
+from mvmatch.errors import DataError
+from mvmatch.export.colmap import write_database
+from mvmatch.export.masks import write_masks
+from mvmatch.geometry.movers import track_weights
+from mvmatch.matching import match_video, refine_match, stage_progress
+from mvmatch.sfm import (
+    DensifySummary,
+    Diagnosis,
+    densify,
+    diagnose,
+    reconstruct,
+    status_of,
+    write_model,
+)
+from mvmatch.types import Tracks
+from mvmatch.work import identity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from mvmatch.encode import EncodeResult
+    from mvmatch.export.colmap import DatabaseSummary
+    from mvmatch.matching import Match, Progress
+    from mvmatch.products import Facts
+    from mvmatch.sfm import MapperOptions, ReconstructionResult
+
+_WEIGHTS = "weights.npz"
+
+
+@dataclass(kw_only=True, eq=False)
+class State:
+    """What a run was asked for, and what its stages have handed on so far."""
+
+    source: Path
+    options: RunOptions
+    camera: str | None
+    has_to_encode: bool
+    """Whether the source has no motion vectors of its own that are to be used."""
+    masks: bool
+    progress: Progress | None
+    encoding: EncodeResult | None = None
+    match: Match = field(init=False)
+    weights: NDArray[np.float64] | None = None
+    """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
+    database: Path = field(init=False)
+    summary: DatabaseSummary = field(init=False)
+    model: ReconstructionResult = field(init=False)
+    dense: DensifySummary | None = None
+    diagnosis: Diagnosis = field(default_factory=Diagnosis)
+
+    @property
+    def video(self) -> Path:
+        """What motion vectors are read from."""
+        return self.source if self.encoding is None else self.encoding.path
+
+    @cached_property
+    def choice(self) -> CameraChoice:
+        """The camera."""
+        return parse_camera(self.camera, self.match.info.width, self.match.info.height)
+
+    @property
+    def image_names(self) -> tuple[str, ...]:
+        """Name of the image of every frame."""
+        return self.first_names(self.match.num_frames)
+
+    def first_names(self, num_frames: int) -> tuple[str, ...]:
+        """Return the names of the first images."""
+        if self.encoding is not None and self.encoding.image_names is not None:
+            return self.encoding.image_names[:num_frames]
+        return frame_names(num_frames)
+
+    @property
+    def tracks(self) -> Tracks:
+        """Tracks that go into the database."""
+        if self.weights is None or not self.options.movers.exclude:
+            return self.match.tracks
+        return self.match.tracks.select(self.weights >= self.options.movers.min_weight)
+
+    def tell(self, stage: str) -> None:
+        """Say that a stage begins that does not say how far it is."""
+        if self.progress is not None:
+            self.progress(stage, 0, None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One step from the source to the model."""
+
+    name: str
+    """Of the folder in which its product is kept."""
+    title: str
+    """In reports."""
+    needs: tuple[str, ...]
+    """Names of the stages whose products it uses, directly: when one of them is made anew, so is
+    this one."""
+    depends: Callable[[State], Any]
+    """What else its product depends on: plain values and option dataclasses."""
+    make: Callable[[State, Path], Facts]
+    """Writes files into an empty folder and returns plain facts. A file that bears the name of a
+    result (:mod:`mvmatch.outputs`) is published in the place of an earlier stage's."""
+    load: Callable[[State, Path, Facts], None]
+    """Puts into the state what was made."""
+    is_wanted: Callable[[State], bool] = lambda _: True
+    """Whether it takes part in this run."""
+
+
+def encode(state: State, folder: Path) -> Facts:
+    """Encode the source into AV1 that is made for matching."""
+    tell = stage_progress(state.progress, "encode")
+    path = folder / outputs.VIDEO
+    result = encode_video(state.source, path, options=state.options.encode, progress=tell)
+    return products.encoding_facts(result)
+
+
+def load_encoding(state: State, folder: Path, facts: Facts) -> None:
+    """Take the encoded video."""
+    state.encoding = products.read_encoding(folder, facts)
+
+
+def encode_depends(state: State) -> Any:
+    """Return the input, and how it is encoded if it is."""
+    options = state.options.encode if state.has_to_encode else None
+    return [identity(state.source), options]
+
+
+def match(state: State, folder: Path) -> Facts:
+    """Read motion vectors and chain them into tracks."""
+    options = state.options
+    found = match_video(
+        state.video,
+        options=options.track,
+        footage=options.footage,
+        read=options.read,
+        progress=state.progress,
+    )
+    _require_tracks(state, found)
+    return products.write_match(
+        found,
+        folder,
+        tracks=outputs.TRACKS,
+        image_names=state.first_names(found.num_frames),
+        options=to_mapping(options.track),
+    )
+
+
+def load_match(state: State, folder: Path, facts: Facts) -> None:
+    """Take the tracks, and what was found on the way."""
+    state.match = products.read_match(folder, facts, tracks=outputs.TRACKS)
+
+
+def match_depends(state: State) -> Any:
+    """Return the options; any number of threads gives the same."""
+    read = dataclasses.replace(state.options.read, threads=0)
+    return [state.options.track, state.options.footage, read]
+
+
+def refine(state: State, folder: Path) -> Facts:
+    """Align the tracks to the pictures: those of the source, which were not encoded."""
+    refined = refine_match(
+        state.match, state.source, options=state.options.refine, progress=state.progress
+    )
+    return products.write_match_tracks(
+        refined,
+        folder / outputs.TRACKS,
+        image_names=state.image_names,
+        options=to_mapping(state.options.track),
+    )
+
+
+def load_refined(state: State, folder: Path, facts: Facts) -> None:
+    """Take the aligned tracks."""
+    tracks, _, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
+    state.match = dataclasses.replace(state.match, tracks=tracks)
+
+
+def find_movers(state: State, folder: Path) -> Facts:
+    """Weigh each track by how well it agrees with the motion of the camera."""
+    weights = track_weights(state.match.tracks, state.choice.camera, options=state.options.movers)
+    np.savez_compressed(folder / _WEIGHTS, allow_pickle=False, weights=weights)
+    return {}
+
+
+def load_weights(state: State, folder: Path, facts: Facts) -> None:  # noqa: ARG001
+    """Take the weights."""
+    with np.load(folder / _WEIGHTS, allow_pickle=False) as stored:
+        state.weights = stored["weights"]
+
+
+def movers_depend(state: State) -> Any:
+    """Return the camera and the options."""
+    camera = state.choice.camera
+    params = [float(value) for value in camera.params]
+    return [camera.model.name, params, state.choice.is_prior, state.options.movers]
+
+
+def make_database(state: State, folder: Path) -> Facts:
+    """Verify the matches that tracks give, and write the COLMAP database."""
+    state.tell("verify")
+    summary = write_database(
+        state.tracks,
+        folder / outputs.DATABASE,
+        camera=state.choice.camera,
+        image_names=state.image_names,
+        verification=state.options.verification,
+        max_gap=state.options.track.max_gap,
+        further=state.match.further,
+    )
+    return dataclasses.asdict(summary)
+
+
+def load_database(state: State, folder: Path, facts: Facts) -> None:
+    """Take the database."""
+    state.database = folder / outputs.DATABASE
+    state.summary = products.read_summary(facts)
+
+
+def make_masks(state: State, folder: Path) -> Facts:
+    """Write a mask per picture: moving objects and static overlays black."""
+    assert state.weights is not None
+    write_masks(
+        state.match.tracks,
+        state.weights < state.options.movers.min_weight,
+        folder / outputs.MASKS,
+        size=(state.match.info.width, state.match.info.height),
+        image_names=state.image_names,
+        overlays=state.match.footage.overlays,
+    )
+    return {}
+
+
+def load_nothing(state: State, folder: Path, facts: Facts) -> None:
+    """Take nothing: the files alone are the product."""
+
+
+def map_database(state: State, folder: Path) -> Facts:
+    """Reconstruct a model from the database."""
+    state.tell("map")
+    result = reconstruct(
+        state.database, folder / outputs.MODEL, options=one_shot(state.options.mapper, state.match)
+    )
+    return products.write_result(result, folder)
+
+
+def load_model(state: State, folder: Path, facts: Facts) -> None:
+    """Take the model, or why there is none."""
+    state.model = products.read_result(folder, facts)
+
+
+def make_denser(state: State, folder: Path) -> Facts:
+    """Triangulate the further tracks, and write the model with them."""
+    state.tell("densify")
+    assert state.model.reconstruction is not None
+    tracks = Tracks.concatenate(state.tracks, state.match.further)
+    summary = densify(state.model.reconstruction, tracks, options=state.options.densify)
+    write_model(state.model.reconstruction, folder / outputs.MODEL)
+    return dataclasses.asdict(summary)
+
+
+def load_denser(state: State, folder: Path, facts: Facts) -> None:
+    """Take the denser model; what the mapper said of its own stays."""
+    state.dense = DensifySummary(**facts)
+    state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+
+
+def find_faults(state: State, folder: Path) -> Facts:  # noqa: ARG001
+    """Find out why there is no model, or only a part of one."""
+    match = state.match
+    keys = match.structure.summary(match.frames)["key_frames"]
+    diagnosis = diagnose(
+        state.model,
+        state.database,
+        tracks=state.tracks,
+        footage=match.footage,
+        key_frames=keys,
+        damage=match.damage,
+        skipped=match.skipped,
+    )
+    return dataclasses.asdict(diagnosis)
+
+
+def load_faults(state: State, folder: Path, facts: Facts) -> None:  # noqa: ARG001
+    """Take the diagnosis."""
+    state.diagnosis = products.read_diagnosis(facts)
+
+
+def is_incomplete(state: State) -> bool:
+    """Whether there is something to find out."""
+    return status_of(state.model, state.match.damage) != "complete"
+
+
+def one_shot(options: MapperOptions, match: Match) -> MapperOptions:
+    """Ask of the model that it holds the longest shot: across cuts nothing links the images."""
+    share = match.footage.longest_shot(match.num_frames) / match.num_frames
+    acceptance = options.acceptance
+    acceptance = dataclasses.replace(
+        acceptance,
+        min_registered=share * acceptance.min_registered,
+        min_observations=share * acceptance.min_observations,
+    )
+    return dataclasses.replace(options, acceptance=acceptance)
+
+
+def frame_names(num_frames: int) -> tuple[str, ...]:
+    """Names of a video's frames in a COLMAP model; they sort in frame order."""
+    return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
+
+
+def _require_tracks(state: State, match: Match) -> None:
+    if len(match.tracks):
+        return
+    if match.damage is not None:
+        raise match.damage
+    keys = sum(frame.frame_type == "KEY" for frame in match.frames if not frame.is_repeat)
+    reason = f": {keys} key frames in {match.num_frames} cut all tracks" if keys > 1 else ""
+    message = (
+        f"{state.video} gives no track of {state.options.track.min_length} frames{reason}. "
+        f"Encode it anew for matching: mvmatch run {state.video} --re-encode"
+    )
+    raise DataError(message)
