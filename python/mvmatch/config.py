@@ -13,6 +13,7 @@ import typing
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from mvmatch.bridge import BridgeOptions
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.verification import VerificationOptions
@@ -47,6 +48,8 @@ class RunOptions:
     """Tracks that move by themselves."""
     refine: RefineOptions = field(default_factory=RefineOptions)
     """Tracks to tracks aligned to the pictures; off unless enabled."""
+    bridge: BridgeOptions = field(default_factory=BridgeOptions)
+    """Gaps that vectors leave between pictures, bridged by descriptors."""
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
 from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from mvmatch.types import MotionField, Tracks
 
@@ -77,6 +78,14 @@ class Footage:
                 "--set footage.overlays.min_still=off keeps them."
             )
         return found
+
+    def without(self, joined: Collection[int]) -> Footage:
+        """Return the same without the cuts, breaks and jumps before some pictures."""
+        left = {
+            name: tuple(frame for frame in getattr(self, name) if frame not in joined)
+            for name in ("cuts", "breaks", "jumps")
+        }
+        return dataclasses.replace(self, **left)
 
     def longest_shot(self, num_frames: int) -> int:
         """Pictures between two breaks, at most."""

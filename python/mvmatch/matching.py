@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mvmatch.bridge import BridgeOptions, bridge_tracks
 from mvmatch.errors import DataError, MvmatchError
 from mvmatch.footage import Footage, FootageObserver, FootageOptions
 from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    import pycolmap
     from numpy.typing import NDArray
 
 
@@ -60,6 +62,11 @@ class Match:
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
+    gaps: tuple[int, ...] = ()
+    """Pictures after which so few tracks went on that descriptors were asked
+    (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""
+    bridged: tuple[int, ...] = ()
+    """Those of them that descriptors bridged."""
 
     @property
     def all_tracks(self) -> Tracks:
@@ -77,6 +84,11 @@ class Match:
         found = self.structure.warnings(self.frames) + self.footage.warnings()
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
+        if self.bridged:
+            found.append(
+                f"Motion vectors leave {len(self.gaps)} gaps between pictures; {len(self.bridged)} "
+                "of them were bridged by matching descriptors, which takes longer."
+            )
         return [*skipped_warnings(self.skipped), *found]
 
 
@@ -193,6 +205,57 @@ def refine_match(
         message = f"no track fits the pictures of {pictures}. Are they those of the video?"
         raise DataError(message)
     return dataclasses.replace(match, tracks=tracks)
+
+
+def bridge_match(
+    match: Match,
+    pictures: Path,
+    camera: pycolmap.Camera,
+    *,
+    options: BridgeOptions,
+    progress: Progress | None = None,
+) -> Match:
+    """Match pictures by descriptors where motion vectors leave a gap between them.
+
+    Parameters
+    ----------
+    match : Match
+        Of :func:`match_video`.
+    pictures : Path
+        The video, or the video or folder of images it was encoded from.
+    camera : pycolmap.Camera
+        Of the pictures.
+    options : BridgeOptions
+        See :func:`mvmatch.bridge.bridge_tracks`.
+    progress : Progress, optional
+        Told after each picture.
+
+    Returns
+    -------
+    Match
+        With more tracks, and without the cuts, breaks and jumps that were bridged.
+
+    Raises
+    ------
+    UnsupportedError
+        The matcher does not work with the installed pycolmap.
+    DataError
+        The pictures cannot be decoded, or have another size than the video.
+    """
+    bridge = bridge_tracks(
+        _pictures(match, pictures, stage_progress(progress, "bridge")),
+        match.tracks,
+        camera,
+        num_frames=match.num_frames,
+        options=options,
+    )
+    return dataclasses.replace(
+        match,
+        tracks=Tracks.concatenate(match.tracks, bridge.tracks),
+        footage=match.footage.without({gap + 1 for gap in bridge.bridged}),
+        gaps=bridge.gaps,
+        bridged=bridge.bridged,
+    )
 
 
 def _pictures(

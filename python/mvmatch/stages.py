@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mvmatch import outputs, products
+from mvmatch.bridge import find_gaps
 from mvmatch.camera import CameraChoice, parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode import encode_video
@@ -23,7 +24,7 @@ from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
 from mvmatch.geometry.movers import track_weights
-from mvmatch.matching import match_video, refine_match, stage_progress
+from mvmatch.matching import bridge_match, match_video, refine_match, stage_progress
 from mvmatch.sfm import (
     DensifySummary,
     Diagnosis,
@@ -33,6 +34,7 @@ from mvmatch.sfm import (
     status_of,
     write_model,
 )
+from mvmatch.store import is_table
 from mvmatch.types import Tracks
 from mvmatch.work import identity
 
@@ -80,7 +82,8 @@ class State:
     @cached_property
     def choice(self) -> CameraChoice:
         """The camera."""
-        return parse_camera(self.camera, self.match.info.width, self.match.info.height)
+        info = self.match.info
+        return parse_camera(self.camera, info.width, info.height, pictures=self.source)
 
     @property
     def image_names(self) -> tuple[str, ...]:
@@ -197,6 +200,49 @@ def load_refined(state: State, folder: Path, facts: Facts) -> None:
     state.match = dataclasses.replace(state.match, tracks=tracks)
 
 
+def bridge(state: State, folder: Path) -> Facts:
+    """Match pictures by descriptors where vectors leave a gap."""
+    bridged = bridge_match(
+        state.match,
+        state.source,
+        state.choice.camera,
+        options=state.options.bridge,
+        progress=state.progress,
+    )
+    facts = products.write_match_tracks(
+        bridged,
+        folder / outputs.TRACKS,
+        image_names=state.image_names,
+        options=to_mapping(state.options.track),
+    )
+    return facts | {"gaps": bridged.gaps, "bridged": bridged.bridged}
+
+
+def load_bridge(state: State, folder: Path, facts: Facts) -> None:
+    """Take the tracks with those that bridge gaps."""
+    tracks, _, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
+    state.match = dataclasses.replace(
+        state.match,
+        tracks=tracks,
+        footage=state.match.footage.without({gap + 1 for gap in facts["bridged"]}),
+        gaps=tuple(facts["gaps"]),
+        bridged=tuple(facts["bridged"]),
+    )
+
+
+def has_gaps(state: State) -> bool:
+    """Whether descriptors are to be asked: there are gaps, and pictures to look at."""
+    options, match = state.options.bridge, state.match
+    if options.matcher == "none" or match.skipped or is_table(state.source):
+        return False
+    return bool(find_gaps(match.tracks, match.num_frames, min_tracks=options.min_tracks))
+
+
+def bridge_depends(state: State) -> Any:
+    """Return the camera and the options."""
+    return [*_camera(state), state.options.bridge]
+
+
 def find_movers(state: State, folder: Path) -> Facts:
     """Weigh each track by how well it agrees with the motion of the camera."""
     weights = track_weights(state.match.tracks, state.choice.camera, options=state.options.movers)
@@ -212,9 +258,13 @@ def load_weights(state: State, folder: Path, facts: Facts) -> None:  # noqa: ARG
 
 def movers_depend(state: State) -> Any:
     """Return the camera and the options."""
+    return [*_camera(state), state.options.movers]
+
+
+def _camera(state: State) -> list[Any]:
     camera = state.choice.camera
     params = [float(value) for value in camera.params]
-    return [camera.model.name, params, state.choice.is_prior, state.options.movers]
+    return [camera.model.name, params, state.choice.is_prior]
 
 
 def make_database(state: State, folder: Path) -> Facts:
@@ -337,7 +387,7 @@ def _require_tracks(state: State, match: Match) -> None:
     keys = sum(frame.frame_type == "KEY" for frame in match.frames if not frame.is_repeat)
     reason = f": {keys} key frames in {match.num_frames} cut all tracks" if keys > 1 else ""
     message = (
-        f"{state.video} gives no track of {state.options.track.min_length} frames{reason}. "
-        f"Encode it anew for matching: mvmatch run {state.video} --re-encode"
-    )
+        f"{state.source} gives no track of {state.options.track.min_length} frames{reason}. "
+        + ("" if state.encoding else f"Encode it anew: mvmatch run {state.source} --re-encode")
+    ).rstrip()
     raise DataError(message)

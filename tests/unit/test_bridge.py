@@ -10,11 +10,15 @@ import pycolmap
 import pytest
 
 from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps
+from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
 WIDTH, HEIGHT = 320, 240
 CAMERA = pycolmap.Camera(
@@ -39,6 +43,11 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def decoded(folder: Path) -> Iterator[NDArray[np.uint8]]:
+    for frame in open_frames(folder, frame_rate=30.0, max_frames=None):
+        yield np.ascontiguousarray(frame.to_ndarray(format="gray"), np.uint8)
+
+
 def moving(frames: range, count: int) -> Tracks:
     return Tracks.from_lists(*[[(f, 5.0 + t, 9.0) for f in frames] for t in range(count)])
 
@@ -54,7 +63,7 @@ def test_a_gap_is_where_few_tracks_go_on() -> None:
 def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> None:
     tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
     bridge = bridge_tracks(
-        pictures, tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+        decoded(pictures), tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
     )
     assert bridge.gaps == bridge.bridged == (2,)
     across = bridge.tracks.between(2, 3)
@@ -64,10 +73,10 @@ def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> 
     assert len(bridge.tracks.between(1, 3)) > 30, "two pictures of one side make points"
 
 
-def test_pictures_are_left_alone_where_nothing_is_missing(pictures: Path) -> None:
+def test_pictures_are_left_alone_where_nothing_is_missing() -> None:
     tracks = moving(range(6), 30)
     for options in (BridgeOptions(min_tracks=20), BridgeOptions(matcher="none", min_tracks=99)):
-        bridge = bridge_tracks(pictures / "nowhere", tracks, CAMERA, num_frames=6, options=options)
+        bridge = bridge_tracks(iter(()), tracks, CAMERA, num_frames=6, options=options)
         assert (len(bridge.tracks), bridge.gaps) == (0, ())
 
 
@@ -85,7 +94,7 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
             )
     tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
     bridge = bridge_tracks(
-        tmp_path, tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+        decoded(tmp_path), tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
     )
     assert (bridge.gaps, bridge.bridged) == ((2,), ())
 
@@ -93,7 +102,7 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
 def test_a_matcher_that_is_not_there_is_named(pictures: Path) -> None:
     with pytest.raises(UnsupportedError, match="aliked"):
         bridge_tracks(
-            pictures,
+            decoded(pictures),
             moving(range(6), 1),
             CAMERA,
             num_frames=6,

@@ -8,18 +8,17 @@ matched by descriptors.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mvmatch.bridge.descriptors import DescriptorMatcher
-from mvmatch.encode.frames import open_frames
 from mvmatch.geometry.two_view import fit_pair
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
+    from collections.abc import Iterable, Sequence
 
     import pycolmap
     from numpy.typing import NDArray
@@ -61,20 +60,19 @@ def find_gaps(tracks: Tracks, num_frames: int, *, min_tracks: int) -> tuple[int,
 
 
 def bridge_tracks(
-    pictures: Path,
+    pictures: Iterable[NDArray[np.uint8]],
     tracks: Tracks,
     camera: pycolmap.Camera,
     *,
     num_frames: int,
     options: BridgeOptions,
-    progress: Callable[[int, int], None] | None = None,
 ) -> Bridge:
     """Match pictures by descriptors where too few tracks go on.
 
     Parameters
     ----------
-    pictures : Path
-        The video, or the folder of its pictures.
+    pictures : iterable of (H, W) uint8
+        Grey values in display order; read up to the last picture around a gap, or not at all.
     tracks : Tracks
         Of its motion vectors.
     camera : pycolmap.Camera
@@ -83,20 +81,16 @@ def bridge_tracks(
         Pictures with tracks; later ones are not looked at.
     options : BridgeOptions
         What is a gap, and how far around it pictures are matched.
-    progress : callable, optional
-        Told how many of how many pictures were looked at.
 
     Returns
     -------
     Bridge
-        Without tracks where there is no gap; then no picture is decoded.
+        Without tracks where there is no gap.
 
     Raises
     ------
     UnsupportedError
         The matcher does not work with the installed pycolmap.
-    DataError
-        The pictures cannot be decoded.
     """
     if options.matcher == "none":
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
@@ -111,9 +105,7 @@ def bridge_tracks(
     }
     links = _Links()
     earlier: dict[int, Features] = {}
-    for frame, luma in _decoded(pictures, min(num_frames, max(around) + 1)):
-        if progress is not None:
-            progress(frame + 1, num_frames)
+    for frame, luma in enumerate(islice(pictures, min(num_frames, max(around) + 1))):
         if frame not in around:
             continue
         features = matcher.extract(luma)
@@ -137,12 +129,6 @@ def _crossings(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
     np.add.at(change, tracks.frame[tracks.offsets[:-1]], 1)
     np.add.at(change, tracks.frame[tracks.offsets[1:] - 1], -1)
     return np.cumsum(change)[: max(0, num_frames - 1)]
-
-
-def _decoded(pictures: Path, count: int) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    # The rate only times the images of a folder, which nobody asks here.
-    for frame, picture in enumerate(open_frames(pictures, frame_rate=30.0, max_frames=count)):
-        yield frame, np.ascontiguousarray(picture.to_ndarray(format="gray"), np.uint8)
 
 
 def _partners(frame: int, gaps: Sequence[int], reach: int) -> list[int]:

@@ -15,7 +15,7 @@ class BridgeOptions:
     matcher: Literal["sift", "aliked", "none"] = "sift"
     """Descriptor matcher of pycolmap; ``aliked`` (with LightGlue) needs a pycolmap built with ONNX.
     ``none`` leaves gaps as they are."""
-    min_tracks: int = 200
+    min_tracks: int = 100
     """Tracks that go on from a picture to the next one; fewer are a gap: the mapper needs 30 points
     of an image that are known from two others, and many tracks are short or wrong at a gap."""
     reach: int = 3

@@ -11,12 +11,14 @@ from cyclopts import Parameter
 from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.models import Camera, Mapper, look_at, model_figures, with_mapper
 from mvmatch.cli.settings import (
+    BridgeMatcher,
     ExistingPath,
     Json,
     Output,
     Refine,
     Settings,
     UsageError,
+    with_bridge,
     with_encoder,
     with_refinement,
 )
@@ -35,6 +37,7 @@ def run(
     encoder: EncoderName | None = None,
     mapper: Mapper = None,
     refine: Refine = False,
+    bridge: BridgeMatcher = None,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
     masks: Annotated[bool, Parameter(negative="")] = False,
     fresh: Annotated[bool, Parameter(negative="")] = False,
@@ -62,7 +65,7 @@ def run(
         Only print the effective options as TOML.
     """
     options = with_encoder((settings or Settings()).options(), encoder)
-    options = with_mapper(with_refinement(options, refine), mapper)
+    options = with_mapper(with_refinement(with_bridge(options, bridge), refine), mapper)
     if print_config:
         from mvmatch.config import to_toml
 

@@ -115,6 +115,22 @@ def with_refinement(options: RunOptions, refine: bool) -> RunOptions:
     return replace(options, refine=replace(options.refine, enabled=True))
 
 
+BridgeMatcher = Annotated[
+    Literal["sift", "aliked", "none"] | None,
+    Parameter(
+        help="What bridges gaps that vectors leave between pictures: descriptors by pycolmap "
+        "(sift, the default; aliked where pycolmap has it), or nothing."
+    ),
+]
+
+
+def with_bridge(options: RunOptions, matcher: BridgeMatcher) -> RunOptions:
+    """Return the options with another matcher for gaps, if one was named."""
+    if matcher is None:
+        return options
+    return replace(options, bridge=replace(options.bridge, matcher=matcher))
+
+
 def with_encoder(options: RunOptions, encoder: Any) -> RunOptions:
     """Return the options with another encoder, if one was named."""
     if encoder is None:
