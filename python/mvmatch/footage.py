@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from mvmatch.batches import TrackBatches
 from mvmatch.cells import field_cells
 from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
 from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
@@ -110,17 +111,31 @@ class FootageObserver:
             Observations; shorter remains of a track are dropped.
         """
         overlays = self._overlays.overlays()
-        drop = overlays.contain(tracks.frame, tracks.xy)
         cuts = self._cuts.cuts(overlays)
-        cleaned = end_tracks(tracks, cuts=cuts, drop=drop, min_length=min_length)
+        cleaned, num_dropped = _cleaned(tracks, cuts, overlays, min_length)
         footage = Footage(
             cuts=cuts,
             jumps=self._cuts.jumps(overlays),
             repeats=find_repeats(cleaned, self._options.shots),
             overlays=overlays,
-            num_overlay_observations=int(drop.sum()),
+            num_overlay_observations=num_dropped,
         )
         return cleaned, footage
+
+
+def _cleaned(
+    tracks: Tracks, cuts: tuple[int, ...], overlays: Overlays, min_length: int
+) -> tuple[Tracks, int]:
+    """Return tracks that end at cuts and overlays, and how many observations lay on overlays."""
+    if not cuts and not overlays.cells.any():
+        return tracks, 0
+    batches, num_dropped = TrackBatches(), 0
+    for part in tracks.parts():
+        drop = overlays.contain(part.frame, part.xy)
+        num_dropped += int(drop.sum())
+        kept = end_tracks(part, cuts=cuts, drop=drop, min_length=min_length)
+        batches.add(kept.offsets, kept.frame, kept.xy)
+    return batches.tracks(), num_dropped
 
 
 def _listed(frames: tuple[int, ...]) -> str:
