@@ -6,13 +6,15 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mvmatch.batches import TrackBatches
 from mvmatch.cells import field_cells
 from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
 from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from mvmatch.types import MotionField, Tracks
 
@@ -41,6 +43,8 @@ class Footage:
     """Where static overlays lie."""
     num_overlay_observations: int
     """Observations that lay on them, and are not in the tracks."""
+    breaks: tuple[int, ...]
+    """First pictures of parts that no track connects: cuts, key frames, damage."""
 
     def warnings(self) -> list[str]:
         """Say in whole sentences what it means for a model."""
@@ -50,6 +54,12 @@ class Footage:
                 f"Scene cuts before the pictures {_listed(self.cuts)}, {len(self.cuts)} in all: "
                 "tracks end there, and the model holds one shot. "
                 "Give each shot as a video of its own for the others."
+            )
+        torn = [frame for frame in self.breaks if frame not in self.cuts]
+        if torn:
+            found.append(
+                f"No track goes on into the pictures {_ranges(torn)}, {len(torn)} in all, as at "
+                "key frames and damage: the model holds one part between them."
             )
         if self.jumps:
             found.append(
@@ -61,22 +71,23 @@ class Footage:
                 f"Pictures that show the one before them again: {_listed(self.repeats)}, "
                 f"{len(self.repeats)} in all. They add no baseline."
             )
-        if self.overlays.area_share:
+        if self.num_overlay_observations:
             found.append(
-                f"Static overlays cover up to {self.overlays.area_share:.0%} of the picture: "
+                f"Static overlays cover up to {self.overlays.area_share:.1%} of the picture: "
                 f"{self.num_overlay_observations:,} observations on them were left out. "
                 "--set footage.overlays.min_still=off keeps them."
             )
         return found
 
     def longest_shot(self, num_frames: int) -> int:
-        """Pictures between two cuts, at most."""
-        return max(end - start for start, end in pairwise([0, *self.cuts, num_frames]))
+        """Pictures between two breaks, at most."""
+        return max(end - start for start, end in pairwise([0, *self.breaks, num_frames]))
 
     def summary(self) -> dict[str, Any]:
         """Return plain numbers for reports (docs/reference/report-schema.md)."""
         return {
             "cuts": list(self.cuts),
+            "breaks": list(self.breaks),
             "jumps": list(self.jumps),
             "repeats": list(self.repeats),
             "overlay_area_share": self.overlays.area_share,
@@ -119,6 +130,7 @@ class FootageObserver:
             repeats=find_repeats(cleaned, self._options.shots),
             overlays=overlays,
             num_overlay_observations=num_dropped,
+            breaks=_breaks(cleaned),
         )
         return cleaned, footage
 
@@ -138,6 +150,25 @@ def _cleaned(
     return batches.tracks(), num_dropped
 
 
-def _listed(frames: tuple[int, ...]) -> str:
+def _breaks(tracks: Tracks) -> tuple[int, ...]:
+    """Return the pictures that no track enters from the one before, up to the last with tracks."""
+    size = tracks.num_frames + 1
+    change = np.zeros(size, np.int64)
+    for part in tracks.parts():
+        first, last = part.frame[part.offsets[:-1]], part.frame[part.offsets[1:] - 1]
+        change += np.bincount(first + 1, minlength=size) - np.bincount(last + 1, minlength=size)
+    entering = np.cumsum(change)
+    return tuple(int(frame) for frame in np.flatnonzero(entering[1:-1] == 0) + 1)
+
+
+def _ranges(frames: Sequence[int]) -> str:
+    """Name the first five runs of frames."""
+    starts = [frame for frame in frames if frame - 1 not in frames]
+    ends = [frame for frame in frames if frame + 1 not in frames]
+    runs = [f"{a}" if a == b else f"{a} to {b}" for a, b in zip(starts, ends, strict=True)]
+    return ", ".join(runs[:5]) + (" …" if runs[5:] else "")
+
+
+def _listed(frames: Sequence[int]) -> str:
     """Name the first five frames."""
     return ", ".join(str(frame) for frame in frames[:5]) + (" …" if frames[5:] else "")

@@ -134,21 +134,26 @@ def describe_camera(choice: CameraChoice, model: ReconstructionResult) -> dict[s
 
 
 def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[str]:
-    """Return what a user must know of the camera: that it is a guess, or that it was corrected."""
+    """Return what a user must know of the camera: guessed, made to fit, or corrected."""
     if choice.is_prior:
-        return [f"No camera was given ({choice.source}). With --camera the model is more accurate."]
+        return [
+            *choice.warnings,
+            f"The camera is a guess ({choice.source}). "
+            "With a calibration (--camera) the model is more accurate.",
+        ]
     if model.reconstruction is None or not model.reconstruction.cameras:
-        return []
+        return [*choice.warnings]
     cameras: Any = model.reconstruction.cameras
     given = choice.camera.mean_focal_length()
     used = next(iter(cameras.values())).mean_focal_length()
     change = used / given - 1.0
     if abs(change) < _KEPT_FOCAL:
-        return []
+        return [*choice.warnings]
     return [
+        *choice.warnings,
         f"The focal length of the {choice.source}, {given:.1f} px, contradicts the video: "
         f"the model uses {used:.1f} px ({change:+.1%}). "
-        "--set mapper.intrinsics=fixed holds it as given."
+        "--set mapper.intrinsics=fixed holds it as given.",
     ]
 
 

@@ -1,5 +1,6 @@
 """What a run says of its camera."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,4 +36,12 @@ def test_a_camera_that_was_kept_needs_no_word():
 
 def test_a_prior_is_called_a_prior():
     (warning,) = camera_warnings(choice(is_prior=True), model_with(490.0))
-    assert warning.startswith("No camera was given")
+    assert warning.startswith("The camera is a guess (")
+
+
+def test_what_was_done_to_a_camera_is_said_whatever_becomes_of_the_model():
+    scaled = replace(choice(), warnings=("It was scaled.",))
+    for model in (model_with(500.0), SimpleNamespace(reconstruction=None)):
+        assert camera_warnings(scaled, model) == ["It was scaled."]
+    assert camera_warnings(scaled, model_with(490.0))[0] == "It was scaled."
+    assert camera_warnings(replace(scaled, is_prior=True), model_with(490.0))[0] == "It was scaled."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,44 @@ def packets_of(path: Path) -> list[tuple[float, bool]]:
             for p in container.demux(stream)
             if p.size
         ]
+
+
+def seconds_of(path: Path) -> list[float]:
+    import av
+
+    with av.open(str(path)) as container:
+        return [float(p.pts * p.time_base) for p in container.demux(video=0) if p.size]
+
+
+def retime(source: Path, out: Path, times: list[int]) -> Path:
+    """Copy a video with other times, in ms."""
+    import av
+
+    with av.open(str(source)) as reader, av.open(str(out), "w") as writer:
+        stream = reader.streams.video[0]
+        copy = writer.add_stream_from_template(stream, opaque=True)
+        packets = [packet for packet in reader.demux(stream) if packet.size]
+        for packet, time in zip(packets, times, strict=True):
+            packet.pts = packet.dts = time
+            packet.time_base = Fraction(1, 1000)
+            packet.stream = copy
+            writer.mux(packet)
+    return out
+
+
+def write_h264(path: Path, num_frames: int, aspect: Fraction | None = None) -> Path:
+    import av
+
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        if aspect is not None:
+            stream.codec_context.sample_aspect_ratio = aspect
+        for index in range(num_frames):
+            pixels = np.full((48, 64, 3), 40 * index, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))
+        container.mux(stream.encode(None))
+    return path
 
 
 @pytest.mark.parametrize("suffix", [".ivf", ".mp4", ".mkv", ".webm"])
@@ -108,6 +147,37 @@ def test_one_image_has_no_motion(tmp_path: Path) -> None:
     write_png(tmp_path / "only.png", 64, 64)
     with pytest.raises(DataError, match=r"only one image \(only\.png\)"):
         open_frames(tmp_path, frame_rate=30, max_frames=None)
+
+
+@pytest.mark.parametrize("num_frames", [1, 2])
+def test_a_video_of_one_frame_has_no_motion_and_starts_no_encoder(
+    folder: Path, tmp_path: Path, num_frames: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    clip = write_h264(tmp_path / "clip.mp4", num_frames)
+    if num_frames == 2:
+        assert encode_video(clip, tmp_path / "clip.ivf", options=NO_CHECK).num_frames == 2
+        return
+    with pytest.raises(DataError, match="only one frame"):
+        encode_video(clip, tmp_path / "clip.ivf", options=NO_CHECK)
+    assert capfd.readouterr().err == ""
+
+
+def test_pixels_that_are_not_square_are_told(tmp_path: Path) -> None:
+    clip = write_h264(tmp_path / "clip.mp4", 3, aspect=Fraction(4, 3))
+    result = encode_video(clip, tmp_path / "clip.ivf", options=NO_CHECK)
+    assert "1.33 times as wide as high" in result.warnings[0]
+    square = write_h264(tmp_path / "clip.mp4", 3, aspect=Fraction(1))
+    assert encode_video(square, tmp_path / "clip.ivf", options=NO_CHECK).warnings == ()
+
+
+def test_times_of_a_variable_rate_stay_apart(folder: Path, tmp_path: Path) -> None:
+    """Two frames within a millisecond, in a container that counts in frame durations."""
+    steady = encode_video(folder, tmp_path / "steady.mkv", options=NO_CHECK)
+    times = [0, 33, 34, 35, 500, 501, 502, 503, 504, 505, 506, 507]
+    retimed = retime(steady.path, tmp_path / "phone.mkv", times)
+    for suffix in (".ivf", ".mkv"):
+        result = encode_video(retimed, tmp_path / f"clip{suffix}", options=NO_CHECK)
+        assert seconds_of(result.path) == [time / 1000 for time in times]
 
 
 def test_a_text_file_is_not_a_video(tmp_path: Path) -> None:

@@ -38,6 +38,27 @@ def test_no_track_crosses_a_cut():
     assert not ((start < 8) & (end >= 8)).any()
 
 
+def test_a_picture_that_no_track_enters_is_a_break_whatever_the_reason():
+    """Key frames have no vectors, and so no cut is found there."""
+    fields = []
+    for frame in range(16):
+        rows = [] if frame in {0, 10} else [(b, (3.0, 0.0), frame - 1) for b in BLOCKS]
+        fields.append(field_from_rows(frame, rows, width=128, height=64))
+    observer = FootageObserver()
+    tracks = build_tracks(observer.watch(fields), options=RULES)
+    _, footage = observer.clean(tracks, min_length=3)
+    assert (footage.cuts, footage.breaks) == ((), (10,))
+    assert footage.longest_shot(16) == 10
+    assert "No track goes on into the pictures 10, 1 in all" in footage.warnings()[0]
+    assert footage.summary()["breaks"] == [10]
+
+
+def test_without_tracks_nothing_is_said_of_breaks():
+    observer = FootageObserver()
+    tracks = build_tracks(observer.watch([]), options=RULES)
+    assert observer.clean(tracks, min_length=3)[1].breaks == ()
+
+
 def test_a_repeated_picture_keeps_its_observations():
     tracks, cleaned, footage = watched(3, repeat=8)
     assert footage.repeats == (8,)
@@ -56,7 +77,7 @@ def test_a_static_camera_keeps_all_tracks_and_warns_of_nothing():
     [
         ({"cut": 8}, "Scene cuts before the pictures 8, 1 in all"),
         ({"repeat": 8}, "show the one before them again: 8, 1 in all"),
-        ({}, "Static overlays cover up to 2% of the picture"),
+        ({}, "Static overlays cover up to 1.6% of the picture"),
     ],
 )
 def test_what_is_found_is_said(found, text):

@@ -5,7 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 
-HEAVY = ("av", "pycolmap", "pyarrow", "matplotlib", "cyclopts", "rich", "cv2", "h5py", "scipy")
+HEAVY = (
+    "av",
+    "pycolmap",
+    "pyarrow",
+    "matplotlib",
+    "cyclopts",
+    "rich",
+    "cv2",
+    "h5py",
+    "scipy",
+    "yaml",
+)
 
 
 def test_importing_mvmatch_brings_numpy_alone() -> None:

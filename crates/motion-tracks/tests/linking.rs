@@ -291,10 +291,10 @@ fn filling_seeds_every_covered_cell_that_no_given_track_passes() {
 
 /// Two frames of one 64x32 block among 8 px blocks, all with the vectors of `motion`.
 fn large_block(carry: Carry, motion: impl Fn(f32) -> [f32; 2]) -> Tracks {
-    let rows: Vec<Row> = (0_u8..8)
+    let rows: Vec<Row> = (0_i16..8)
         .map(|column| {
-            let (left, middle) = (8 * column, 8.0 * f32::from(column) - 28.0);
-            ([left.into(), 32, 8, 8], motion(middle), 0)
+            let x = 8.0 * f32::from(column) - 28.0;
+            ([8 * i32::from(column), 32, 8, 8], motion(x), 0)
         })
         .chain([(WHOLE, motion(0.0), 0)])
         .collect();

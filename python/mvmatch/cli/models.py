@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 Camera = Annotated[
     str | None,
     Parameter(
-        help="COLMAP camera (PINHOLE,fx,fy,cx,cy), COLMAP camera file, KITTI calib file, or focal "
-        "length in px. Without it a prior of 1.2 times the longer side is refined.",
+        help="COLMAP camera (PINHOLE,fx,fy,cx,cy) or camera file; calibration of KITTI, OpenCV, "
+        "ROS or Kalibr; transforms.json of nerfstudio; a picture or video that recorded its focal "
+        "length; or focal length in px. Without it, 1.2 times the longer side is refined.",
     ),
 ]
 Mapper = Annotated[
@@ -91,6 +92,7 @@ def export(
         },
         next=f"mvmatch reconstruct {database} sfm",
         data={**counts, "camera": choice.source},
+        warnings=list(choice.warnings),
     )
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import chain, islice
 from typing import TYPE_CHECKING
 
 from mvmatch.errors import DataError, UnsupportedError
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from av import VideoFrame
+    from av.container import InputContainer
     from av.video.stream import VideoStream
 
 IMAGE_SUFFIXES = frozenset(
@@ -110,6 +113,7 @@ def _open_video(path: Path, max_frames: int | None) -> FrameSource:
             frame_rate = stream.average_rate or stream.guessed_rate or Fraction(30)
             time_base = stream.time_base or 1 / frame_rate
             num_frames = stream.frames or None
+            aspect = stream.sample_aspect_ratio
     except FFmpegError as error:
         raise DataError(
             f"{path}: FFmpeg cannot read this as a video ({_reason(error)}). "
@@ -121,6 +125,12 @@ def _open_video(path: Path, max_frames: int | None) -> FrameSource:
         num_frames = max_frames
     if width < 1 or height < 1:
         raise DataError(f"{path}: FFmpeg finds a video stream without a picture size in it.")
+    warnings: list[str] = []
+    if aspect and aspect != 1:
+        warnings.append(
+            f"{path}: pixels are shown {float(aspect):.3g} times as wide as high. Frames are "
+            f"encoded as stored, so give a camera with fy = {float(aspect):.3g} fx"
+        )
     return FrameSource(
         path=path,
         width=width,
@@ -128,6 +138,7 @@ def _open_video(path: Path, max_frames: int | None) -> FrameSource:
         num_frames=num_frames,
         frame_rate=frame_rate,
         time_base=time_base,
+        warnings=warnings,
     )
 
 
@@ -164,44 +175,67 @@ def _read_image(path: Path) -> VideoFrame:
 
 def _video(source: FrameSource) -> Iterator[VideoFrame]:
     import av
+
+    with av.open(str(source.path)) as container:
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        step = _frame_duration(stream, source.time_base)
+        broken: Counter[str] = Counter()
+        frames = islice(_decoded(container, stream, broken), source.num_frames)
+        # Both at once, so that an encoder is not started for one frame.
+        start = list(islice(frames, 2))
+        if len(start) < 2:
+            raise DataError(_too_short(source, len(start), broken))
+        last_pts, count = None, 0
+        for count, frame in enumerate(chain(start, frames)):
+            if (frame.width, frame.height) != (source.width, source.height):
+                raise DataError(
+                    f"{source.path}: the picture changes from {source.width}x{source.height} to "
+                    f"{frame.width}x{frame.height} at frame {count}. Cut the video there."
+                )
+            _note_rotation(source, frame, f"frame {count}")
+            pts = frame.pts
+            if last_pts is None:
+                pts = 0 if pts is None else pts
+            elif pts is None or pts <= last_pts:
+                pts = last_pts + step
+            last_pts = pts
+            yield _convert(frame, pts=pts, time_base=source.time_base)
+    if broken:
+        places = broken.total()
+        source.warnings.append(
+            f"{source.path}: damaged in {places} {'place' if places == 1 else 'places'} "
+            f"({next(iter(broken))}): what could not be decoded is left out, "
+            f"{count + 1} frames were encoded"
+        )
+
+
+def _decoded(
+    container: InputContainer, stream: VideoStream, broken: Counter[str]
+) -> Iterator[VideoFrame]:
+    """Yield what can be decoded; count errors and go on with the next packet."""
     from av.error import FFmpegError
 
-    last_pts: int | None = None
-    count = 0
-    try:
-        with av.open(str(source.path)) as container:
-            stream = container.streams.video[0]
-            stream.thread_type = "AUTO"
-            step = _frame_duration(stream, source.time_base)
-            for frame in container.decode(stream):
-                if source.num_frames is not None and count >= source.num_frames:
-                    break
-                if (frame.width, frame.height) != (source.width, source.height):
-                    raise DataError(
-                        f"{source.path}: the picture changes from "
-                        f"{source.width}x{source.height} to {frame.width}x{frame.height} "
-                        f"at frame {count}. Cut the video there."
-                    )
-                _note_rotation(source, frame, f"frame {count}")
-                pts = frame.pts
-                if last_pts is None:
-                    pts = 0 if pts is None else pts
-                elif pts is None or pts <= last_pts:
-                    pts = last_pts + step
-                last_pts = pts
-                yield _convert(frame, pts=pts, time_base=source.time_base)
-                count += 1
-    except FFmpegError as error:
-        if count < 2:
-            raise DataError(
-                f"{source.path}: no frames can be decoded ({_reason(error)})."
-            ) from error
-        source.warnings.append(
-            f"{source.path}: decoding stopped after {count} frames ({_reason(error)}); "
-            "the frames before were encoded"
-        )
-    if count < 2:
-        raise DataError(f"{source.path}: has {count} frames, but motion needs at least two.")
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except StopIteration:
+            return
+        except FFmpegError as error:  # the container itself breaks off
+            broken[_reason(error)] += 1
+            return
+        try:
+            yield from packet.decode()
+        except FFmpegError as error:
+            broken[_reason(error)] += 1
+
+
+def _too_short(source: FrameSource, count: int, broken: Counter[str]) -> str:
+    found = "no frame" if count == 0 else "only one frame"
+    if broken:
+        return f"{source.path}: {found} can be decoded ({next(iter(broken))})."
+    return f"{source.path}: has {found}, but motion needs at least two. Give a longer video."
 
 
 def _frame_duration(stream: VideoStream, time_base: Fraction) -> int:

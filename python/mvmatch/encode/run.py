@@ -112,6 +112,8 @@ def _copy_packets(raw: Path, final: Path, frames: FrameSource, times: Sequence[i
     with av.open(str(raw)) as reader, av.open(str(final), "w") as writer:
         stream = reader.streams.video[0]
         copy = writer.add_stream_from_template(stream, opaque=True)
+        if _coincide(frames, times):  # a variable rate: IVF would count in frame durations
+            copy.time_base = frames.time_base
         packets = (packet for packet in reader.demux(stream) if packet.size)
         for index, packet in enumerate(packets):
             num_bytes += packet.size
@@ -121,6 +123,12 @@ def _copy_packets(raw: Path, final: Path, frames: FrameSource, times: Sequence[i
             packet.stream = copy
             writer.mux(packet)
     return num_bytes
+
+
+def _coincide(frames: FrameSource, times: Sequence[int]) -> bool:
+    """Whether two times are the same one when they are counted in frame durations."""
+    durations = [round(time * frames.time_base * frames.frame_rate) for time in times]
+    return len(set(durations)) < len(durations)
 
 
 def _check(raw: Path) -> tuple[EncodingCheck | None, tuple[str, ...]]:

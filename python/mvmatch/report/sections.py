@@ -86,7 +86,7 @@ def source(facts: Facts) -> str:
         rows.append(("Coded size", f"{size}, {cost}"))
     camera = part(facts, "camera")
     if camera:
-        prior = " (a guess: nothing was given)" if camera.get("is_prior") else ""
+        prior = " (a guess, which the mapper refines)" if camera.get("is_prior") else ""
         rows.append(("Camera", f"{camera.get('source')}{prior}"))
         rows.append(("Camera parameters", _parameters(camera, "params")))
         if camera.get("final_params"):

@@ -33,8 +33,12 @@ class AcceptanceOptions:
     """Degrees between a pair's rotation in the model and measured from the pair alone."""
     max_direction_error: float = 5.0
     """Degrees between the two directions of translation."""
+    max_misfit: float = 2.0
+    """A pair beyond those bounds is no contradiction if its matches lie at most this many times as
+    far from the epipolar lines of the model as from its own: a plane, and little parallax, leave
+    several motions open. Measured: 0.5 to 1.8 where the model is right, 4 and more where not."""
     min_agreement: float = 0.9
-    """Share of the pairs with parallax that keep both bounds."""
+    """Share of the pairs with parallax that do not contradict the model."""
     min_parallax: float = 1.0
     """Degrees; pairs below it say little about the direction. Lowered where no pair reaches it."""
     min_joint: int = 20
@@ -96,7 +100,7 @@ def check_model(
     errors = relative_motion_errors(model, evidence, options.min_parallax)
     kept = (errors[:, 0] <= options.max_rotation_error) & (
         errors[:, 1] <= options.max_direction_error
-    )
+    ) | (errors[:, 2] <= options.max_misfit)
     agreement = float(kept.mean()) if len(kept) else float("nan")
     registered = model.num_reg_images()
     error = float(model.compute_mean_reprojection_error())
@@ -138,22 +142,27 @@ def relative_motion_errors(
 
     Returns
     -------
-    (P, 2) float64
-        Rotation and direction of translation, degrees; one row per registered pair with parallax.
+    (P, 3) float64
+        Rotation and direction of translation, degrees, and how many times as far the matches lie
+        from the epipolar lines of the model as from the pair's own (median Sampson errors); one row
+        per registered pair with parallax.
     """
     poses = {image_id: model.image(image_id).cam_from_world() for image_id in model.reg_image_ids()}
     pairs = [pair for pair in evidence.pairs if pair.image0 in poses and pair.image1 in poses]
-    rows: list[tuple[float, float]] = []
+    rows: list[tuple[float, float, float]] = []
     for pair in _with_parallax(pairs, min_parallax):
         pose = poses[pair.image1] * poses[pair.image0].inverse()
         rotation = np.asarray(pose.rotation.matrix(), np.float64)
+        translation = np.asarray(pose.translation, np.float64)
+        own = max(pair.misfit(pair.rotation, pair.direction), np.finfo(np.float64).tiny)
         rows.append(
             (
                 _angle(0.5 * (np.trace(rotation @ pair.rotation.T) - 1.0)),
-                _angle(_cosine(np.asarray(pose.translation, np.float64), pair)),
+                _angle(_cosine(translation, pair)),
+                float(np.sqrt(pair.misfit(rotation, translation) / own)),
             )
         )
-    return np.array(rows, np.float64).reshape(-1, 2)
+    return np.array(rows, np.float64).reshape(-1, 3)
 
 
 def weakest_joint(model: pycolmap.Reconstruction) -> tuple[int, int]:

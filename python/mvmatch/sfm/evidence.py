@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mvmatch.geometry.sampson import homography_error
+from mvmatch.geometry.sampson import homography_error, sampson_error
 from mvmatch.geometry.two_view import fit_pair
 
 if TYPE_CHECKING:
@@ -59,6 +59,14 @@ class PairEvidence:
     stretch: float
     """How far that homography is from a rotation: largest over smallest singular value, minus 1;
     about the share of the distance to the scene that the camera moved."""
+    normalized: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """(M, 2) each: some of the matches in both images, lens removed, in focal lengths from the
+    principal point."""
+
+    def misfit(self, rotation: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
+        """Median squared Sampson error of the matches under a motion, in squared focal lengths."""
+        error = sampson_error(*self.normalized, _cross(direction) @ rotation)
+        return float(np.median(np.nan_to_num(error, nan=np.inf)))
 
     @property
     def strength(self) -> float:
@@ -175,9 +183,14 @@ def _measure(
     rotation = np.asarray(pose.rotation.matrix(), np.float64)
     direction = np.asarray(pose.translation, np.float64)
     length = float(np.linalg.norm(direction))
-    rays0, rays1 = (_rays(xy, camera) for xy, camera in zip(points, cameras, strict=True))
+    normalized = [
+        np.asarray(camera.cam_from_img(xy), np.float64)
+        for xy, camera in zip(points, cameras, strict=True)
+    ]
+    rays0, rays1 = (_rays(xy) for xy in normalized)
     cosine = np.einsum("ni,ni->n", rays0 @ rotation.T, rays1)
     angles = np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1.0, 1.0)))
+    sample = np.linspace(0, len(points[0]) - 1, min(_MAX_SAMPLE, len(points[0]))).astype(int)
     return PairEvidence(
         image0=ids[0],
         image1=ids[1],
@@ -188,6 +201,7 @@ def _measure(
         displacement=float(np.median(np.linalg.norm(points[1] - points[0], axis=1))),
         homography_ratio=_homography_ratio(points, homography),
         stretch=_stretch(homography, cameras),
+        normalized=(normalized[0][sample], normalized[1][sample]),
     )
 
 
@@ -205,8 +219,12 @@ def _stretch(H: NDArray[np.float64] | None, cameras: Sequence[pycolmap.Camera]) 
     return float(singular[0] / singular[2] - 1.0) if singular[2] > 0 else np.inf
 
 
-def _rays(xy: NDArray[np.float64], camera: pycolmap.Camera) -> NDArray[np.float64]:
-    normalized = np.asarray(camera.cam_from_img(xy), np.float64)
+def _cross(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) matrix of the cross product with a vector."""
+    return np.cross(np.eye(3), vector)
+
+
+def _rays(normalized: NDArray[np.float64]) -> NDArray[np.float64]:
     rays = np.hstack([normalized, np.ones((len(normalized), 1))])
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 

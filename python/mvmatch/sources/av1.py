@@ -39,6 +39,8 @@ _SHARED_COLUMNS = (
     "residual",
     "warp",
 )
+_FINE_CLOCK = 1000.0
+"""Hz; an IVF file that counts so fine has frames at any distance, and says no rate."""
 
 
 class Av1Source:
@@ -231,6 +233,8 @@ def open_elementary(path: Path, *, options: ReadOptions | None = None) -> Av1Sou
         raise _located(error, path) from error
     time_base = reader.time_base
     frame_rate = time_base[1] / time_base[0] if time_base and time_base[0] else None
+    if frame_rate is not None and frame_rate >= _FINE_CLOCK:
+        frame_rate = None
 
     def units() -> Iterator[Unit]:
         while (unit := reader.next_unit()) is not None:
