@@ -22,10 +22,7 @@ pub(crate) const REACH: i32 = 32;
 
 /// Chains layers of which the first `num_chained` were chained before, with all that led to them.
 pub(crate) fn chain_window(chain: &mut Chain, layers: &[Layer], num_chained: usize, seeds: Seeds) {
-    let fresh = &layers[num_chained..];
-    if chain.options.extend {
-        extend(chain, fresh);
-    }
+    extend(chain, &layers[num_chained..]);
     chain.occupy_own();
     walk_back(chain, layers, num_chained, seeds);
     if chain.options.extend {

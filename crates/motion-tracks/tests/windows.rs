@@ -148,8 +148,14 @@ fn a_window_that_holds_the_clip_changes_nothing() {
 #[test]
 fn tracks_go_on_from_window_to_window() {
     for window in [1, 7, 50] {
-        let tracks = link(in_windows(window), &still(200)).tracks;
-        assert_eq!(lengths(&tracks), [200; 32]);
+        for extend in [true, false] {
+            let options = LinkOptions {
+                extend,
+                ..in_windows(window)
+            };
+            let tracks = link(options, &still(200)).tracks;
+            assert_eq!(lengths(&tracks), [200; 32]);
+        }
     }
 }
 
