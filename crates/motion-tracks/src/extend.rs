@@ -7,7 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::chain::{Cells, Chain, NONE};
+use crate::cells::Cells;
+use crate::chain::{Chain, NONE};
 use crate::field::{center, half_sizes};
 use crate::link::Layer;
 

@@ -14,6 +14,7 @@
     allow(clippy::float_cmp, reason = "expected values are exact in binary")
 )]
 
+mod cells;
 mod chain;
 mod confidence;
 mod cover;

@@ -1,6 +1,6 @@
 //! Where tracks may start in a frame.
 
-use crate::chain::Cells;
+use crate::cells::Cells;
 use crate::cover::Cover;
 use crate::field::{center, half_sizes};
 use crate::link::{Layer, LinkOptions};
