@@ -4,7 +4,7 @@ Errors raised here are the classes of :mod:`mvmatch.errors`.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, final
+from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ __all__ = [
     "fit_neighbors",
     "vector_errors",
 ]
+
+_TrackArrays: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]
 
 def default_limits() -> dict[str, int | None]:
     """Return the limits that hold when none are given, by name."""
@@ -143,17 +145,20 @@ class TrackLinker:
         cell: int | None,
         extend: bool,
         min_length: int,
+        fill: int | None,
+        window: int | None,
     ) -> TrackLinker: ...
     def push(self, columns: MotionField) -> None: ...
-    def finish(
-        self, *, fill: int | None = None
-    ) -> tuple[
-        tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]],
-        tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]],
-    ]:
-        """Tracks, and further ones in free cells of ``fill`` px; the linker cannot be used again.
+    def take(self) -> tuple[_TrackArrays, _TrackArrays]:
+        """Tracks that have ended since the last time, and further ones likewise.
 
-        Each are offsets (T + 1,), frame (O,) and xy (O, 2) px.
+        Each are offsets (T + 1,), frame (O,) and xy (O, 2) px. There are some after each window.
+        """
+
+    def finish(self) -> tuple[_TrackArrays, _TrackArrays]:
+        """Chain the rest: all tracks that were not taken, and further ones likewise.
+
+        The linker cannot be used again.
         """
 
 def fit_neighbors(

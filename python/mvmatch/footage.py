@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.batches import TrackBatches
 from mvmatch.cells import field_cells
 from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
 from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
@@ -130,29 +131,42 @@ class FootageObserver:
             Observations; shorter remains of a track are dropped.
         """
         overlays = self._overlays.overlays()
-        drop = overlays.contain(tracks.frame, tracks.xy)
         cuts = self._cuts.cuts(overlays)
-        cleaned = end_tracks(tracks, cuts=cuts, drop=drop, min_length=min_length)
+        cleaned, num_dropped = _cleaned(tracks, cuts, overlays, min_length)
         footage = Footage(
             cuts=cuts,
             jumps=self._cuts.jumps(overlays),
             repeats=find_repeats(cleaned, self._options.shots),
             overlays=overlays,
-            num_overlay_observations=int(drop.sum()),
+            num_overlay_observations=num_dropped,
             breaks=_breaks(cleaned),
         )
         return cleaned, footage
 
 
+def _cleaned(
+    tracks: Tracks, cuts: tuple[int, ...], overlays: Overlays, min_length: int
+) -> tuple[Tracks, int]:
+    """Return tracks that end at cuts and overlays, and how many observations lay on overlays."""
+    if not cuts and not overlays.cells.any():
+        return tracks, 0
+    batches, num_dropped = TrackBatches(), 0
+    for part in tracks.parts():
+        drop = overlays.contain(part.frame, part.xy)
+        num_dropped += int(drop.sum())
+        kept = end_tracks(part, cuts=cuts, drop=drop, min_length=min_length)
+        batches.add(kept.offsets, kept.frame, kept.xy)
+    return batches.tracks(), num_dropped
+
+
 def _breaks(tracks: Tracks) -> tuple[int, ...]:
     """Return the pictures that no track enters from the one before, up to the last with tracks."""
-    if not len(tracks):
-        return ()
-    first, last = tracks.frame[tracks.offsets[:-1]], tracks.frame[tracks.offsets[1:] - 1]
-    size = int(last.max()) + 2
-    entering = np.cumsum(
-        np.bincount(first + 1, minlength=size) - np.bincount(last + 1, minlength=size)
-    )
+    size = tracks.num_frames + 1
+    change = np.zeros(size, np.int64)
+    for part in tracks.parts():
+        first, last = part.frame[part.offsets[:-1]], part.frame[part.offsets[1:] - 1]
+        change += np.bincount(first + 1, minlength=size) - np.bincount(last + 1, minlength=size)
+    entering = np.cumsum(change)
     return tuple(int(frame) for frame in np.flatnonzero(entering[1:-1] == 0) + 1)
 
 

@@ -128,11 +128,13 @@ def find_repeats(tracks: Tracks, options: ShotOptions | None = None) -> tuple[in
     options = options or ShotOptions()
     if options.repeat_share is None or tracks.num_observations == 0:
         return ()
-    follows = (np.diff(tracks.track_index) == 0) & (np.diff(tracks.frame) == 1)
-    moved = np.linalg.norm(np.diff(tracks.xy, axis=0)[follows], axis=1)
-    frame = tracks.frame[1:][follows]
-    count = np.bincount(frame, minlength=tracks.num_frames + 1)
-    still = np.bincount(frame[moved < options.still], minlength=tracks.num_frames + 1)
+    still, count = np.zeros((2, tracks.num_frames + 1), np.int64)
+    for part in tracks.parts():
+        follows = (np.diff(part.track_index) == 0) & (np.diff(part.frame) == 1)
+        moved = np.linalg.norm(np.diff(part.xy, axis=0)[follows], axis=1)
+        frame = part.frame[1:][follows]
+        count += np.bincount(frame, minlength=len(count))
+        still += np.bincount(frame[moved < options.still], minlength=len(count))
     share = np.divide(still, count, out=np.full(len(count), np.nan), where=count > 0)
     repeated = share >= options.repeat_share
     moving = share < 0.5

@@ -184,23 +184,22 @@ def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) 
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tracks = table.tracks
-    lengths = np.diff(tracks.offsets)
-    xy = np.ascontiguousarray(tracks.xy.T)
-    columns = {
-        "track": pa.array(np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)),
-        "frame": pa.array(np.ascontiguousarray(tracks.frame)),
-        "x": pa.array(xy[0]),
-        "y": pa.array(xy[1]),
-    }
     extra = {
         "info": asdict(table.info),
         "image_names": list(table.image_names),
         "options": dict(options),
     }
-    arrow = pa.table(columns).replace_schema_metadata(_metadata("tracks", extra))
-    with _in_place(path) as temporary:
-        pq.write_table(arrow, temporary, row_group_size=_ROWS_PER_GROUP, compression="zstd")
+    kinds = {"track": pa.int64(), "frame": pa.int32(), "x": pa.float32(), "y": pa.float32()}
+    schema = pa.schema(kinds, metadata=_metadata("tracks", extra))
+    first = 0
+    with (
+        _in_place(path) as temporary,
+        pq.ParquetWriter(temporary, schema, compression="zstd") as writer,
+    ):
+        for part in table.tracks.parts(_ROWS_PER_GROUP):
+            columns = (part.track_index + first, part.frame, *np.ascontiguousarray(part.xy.T))
+            writer.write_table(pa.table([pa.array(column) for column in columns], schema=schema))
+            first += len(part)
 
 
 def read_tracks(path: Path) -> TracksTable:

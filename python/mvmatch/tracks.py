@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from mvmatch.batches import TrackBatches
 from mvmatch.confidence import default_error_model
 from mvmatch.filters import within_budget
 from mvmatch.types import Tracks
@@ -67,6 +68,9 @@ class TrackOptions:
     max_gap: int | None = 10
     """Frames; matches of a track are exported for pairs up to this far apart; None: every pair on
     a track, as the paper does, quadratic in the length of the tracks."""
+    window: int | None = 256
+    """Coded frames that are chained at once; None: all. Bounds the memory. Tracks of longer videos
+    go on from window to window; at each border they differ a little from those of one window."""
 
     def __post_init__(self) -> None:
         bounds = {
@@ -79,6 +83,7 @@ class TrackOptions:
             "max_keypoints_per_image": (self.max_keypoints_per_image, 1),
             "min_length": (self.min_length, 1),
             "max_gap": (self.max_gap, 1),
+            "window": (self.window, 1),
         }
         for name, (value, least) in bounds.items():
             if value is not None and not value >= least:
@@ -128,6 +133,7 @@ class TrackOptions:
                 "tau": 0.0,
                 "cell": None,
                 "max_gap": None,
+                "window": None,
             },
         }
         if name not in presets:
@@ -146,20 +152,22 @@ def build_tracks(fields: Iterable[MotionField], *, options: TrackOptions | None 
     direction turns. A second walk, in decode order, extends tracks into frames that refer to
     theirs. Hidden frames take part under the display index of the picture they stand for.
 
+    Videos of more than ``options.window`` coded frames are chained window by window: tracks that
+    reach a border are carried on first, in decode order.
+
     Parameters
     ----------
     fields : iterable of MotionField
         In decode order, frames without vectors included. Read once; per row 24 bytes are kept
-        until the end (40 with ``carry="fuse"``), because the chain starts
-        there: some 6 MB per 100 frames of 2500 blocks. No window bounds it.
+        until its window is chained (40 with ``carry="fuse"``).
     options : TrackOptions, optional
         Rules; by default the preset ``default``.
 
     Returns
     -------
     Tracks
-        Deterministic; tracks ordered by where they start, last decoded frame first; those of
-        ``options.fill`` come last.
+        Deterministic; tracks ordered by the window they end in, then by where they start, last
+        decoded frame first; those of ``options.fill`` come last.
 
     Raises
     ------
@@ -199,7 +207,10 @@ def chain_fields(
         cell=options.cell,
         extend=options.extend,
         min_length=options.min_length,
+        fill=options.fill,
+        window=options.window,
     )
+    batches = TrackBatches(), TrackBatches()
     decoded, size = -1, (1, 1)
     for field in fields:
         if field.decode_index <= decoded:
@@ -208,10 +219,11 @@ def chain_fields(
         decoded = field.decode_index
         size = max(size[0], field.width), max(size[1], field.height)
         linker.push(field)
-    tracks, further = (
-        Tracks(offsets=offsets, frame=frame, xy=xy)
-        for offsets, frame, xy in linker.finish(fill=options.fill)
-    )
+        for batch, arrays in zip(batches, linker.take(), strict=True):
+            batch.add(*arrays)
+    for batch, arrays in zip(batches, linker.finish(), strict=True):
+        batch.add(*arrays)
+    tracks, further = (batch.tracks() for batch in batches)
     if options.max_keypoints_per_image is None:
         return tracks, further
     kept = within_budget(tracks, max_keypoints=options.max_keypoints_per_image, size=size)

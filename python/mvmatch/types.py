@@ -10,8 +10,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -142,8 +141,8 @@ class TwoViewScore:
     """Median squared Sampson error of the inliers in normalised camera units (the paper's)."""
 
 
-_PAIRED_FRAMES = 64
-"""Frames whose matches with later ones are sorted together: bounds the memory, costs no time."""
+_BLOCK = 1 << 14
+"""Observations of which the first and the last frame are known, to find those of a frame."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,8 +190,9 @@ class Tracks:
         if np.any(np.diff(starts) < 0):
             message = "offsets must not fall"
             raise ValueError(message)
-        same_track = np.diff(self.track_index) == 0
-        if np.any(self.frame < 0) or np.any(np.diff(self.frame)[same_track] <= 0):
+        rises = self.frame[1:] > self.frame[:-1]
+        rises[starts[(starts > 0) & (starts < count)] - 1] = True
+        if self.frame.min(initial=0) < 0 or not rises.all():
             message = "frames must be display indices that strictly increase in each track"
             raise ValueError(message)
 
@@ -224,6 +224,54 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
+    def parts(self, num_observations: int = 1 << 17) -> Iterator[Tracks]:
+        """Yield all tracks in their order, about so many observations at a time."""
+        import numpy as np
+
+        first = 0
+        while first < len(self):
+            start = int(self.offsets[first])
+            fits = np.searchsorted(self.offsets, start + num_observations, side="right")
+            end = max(int(fits) - 1, first + 1)
+            rows = slice(start, self.offsets[end])
+            offsets = self.offsets[first : end + 1] - start
+            yield Tracks(offsets=offsets, frame=self.frame[rows], xy=self.xy[rows])
+            first = end
+
+    @cached_property
+    def _blocks(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """(B,) smallest and largest frame of every :data:`_BLOCK` observations."""
+        import numpy as np
+
+        starts = np.arange(0, self.num_observations, _BLOCK)
+        if len(starts) == 0:
+            return self.frame, self.frame
+        return np.minimum.reduceat(self.frame, starts), np.maximum.reduceat(self.frame, starts)
+
+    def during(self, start: int, end: int) -> Tracks:
+        """Return what is observed in frames ``start`` to ``end - 1``; keypoints keep their numbers.
+
+        Tracks that are not observed there are left out, so they are numbered anew.
+        """
+        import numpy as np
+
+        first, last = self._blocks
+        found = [np.empty(0, np.int64)]
+        for block in np.flatnonzero((first < end) & (last >= start)) * _BLOCK:
+            frame = self.frame[block : block + _BLOCK]
+            found.append(np.flatnonzero((frame >= start) & (frame < end)) + block)
+        rows = np.concatenate(found)
+        track = np.searchsorted(self.offsets, rows, side="right")
+        starts = np.flatnonzero(np.diff(track, prepend=-1))
+        offsets = np.append(starts, len(rows)).astype(np.int64)
+        return Tracks(offsets=offsets, frame=self.frame[rows], xy=self.xy[rows])
+
+    def reach(self, max_gap: int | None = None) -> int:
+        """Largest distance in frames between two observations of a track, up to ``max_gap``."""
+        from mvmatch.pairing import reach
+
+        return reach(self, max_gap)
+
     @property
     def num_observations(self) -> int:
         """Observations of all tracks."""
@@ -248,15 +296,16 @@ class Tracks:
         """(O,) observations sorted by frame, and (F + 1,) start of each frame in them."""
         import numpy as np
 
-        num_frames = int(self.frame.max(initial=-1)) + 1
-        order = np.argsort(_compact(self.frame, num_frames), kind="stable")
-        counts = np.bincount(self.frame, minlength=num_frames)
+        from mvmatch.pairing import compact
+
+        order = np.argsort(compact(self.frame, self.num_frames), kind="stable")
+        counts = np.bincount(self.frame, minlength=self.num_frames)
         return order, np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
 
-    @property
+    @cached_property
     def num_frames(self) -> int:
         """One more than the largest frame with an observation; 0 without tracks."""
-        return len(self._by_frame[1]) - 1
+        return int(self.frame.max(initial=-1)) + 1
 
     def observations(self, frame: int) -> NDArray[np.int64]:
         """(K,) observations in one frame; entry k is the frame's keypoint k."""
@@ -297,40 +346,18 @@ class Tracks:
             xy1=self.xy[second[in_second]],
         )
 
-    def _matched(
-        self, first: NDArray[np.int64], max_gap: int | None
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(M,) observations of the earlier and of the later frame, for every pair on a track.
-
-        ``first``: (K,) observations that the earlier ones are taken from.
-        """
-        import numpy as np
-
-        firsts: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
-        seconds: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
-        # Observations that have another one `step` places later in the same track.
-        end = self.offsets[1:][self.track_index[first]]
-        for step in range(1, self.num_observations):
-            has_next = first + step < end
-            if max_gap is not None:
-                # Frames rise along a track: once too far apart, the next step is farther still.
-                last = self.num_observations - 1
-                near = self.frame[np.minimum(first + step, last)] - self.frame[first] <= max_gap
-                has_next &= near
-            first, end = first[has_next], end[has_next]
-            if len(first) == 0:
-                break
-            firsts.append(first)
-            seconds.append(first + step)
-        return np.concatenate(firsts), np.concatenate(seconds)
-
-    def pairs(self, max_gap: int | None = None) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
+    def pairs(
+        self, max_gap: int | None = None, *, start: int = 0, end: int | None = None
+    ) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
         """Frame pairs that share tracks, with their matches.
 
         Parameters
         ----------
         max_gap : int, optional
             Largest distance in frames between the two; without it every pair on a track counts.
+        start, end : int, optional
+            Frames that the earlier ones of the pairs are taken from, ``end`` left out; by default
+            all.
 
         Yields
         ------
@@ -338,32 +365,9 @@ class Tracks:
             ``(frame0, frame1, matches)``: ``frame0 < frame1``, pairs in rising order, ``matches``
             (M, 2) uint32 keypoint numbers in the two frames, ordered by track.
         """
-        import numpy as np
+        from mvmatch.pairing import frame_pairs
 
-        order, starts = self._by_frame
-        for frame in range(0, self.num_frames, _PAIRED_FRAMES):
-            last = min(frame + _PAIRED_FRAMES, self.num_frames)
-            observed = np.sort(order[starts[frame] : starts[last]])
-            yield from self._pairs_of(*self._matched(observed, max_gap))
-
-    def _pairs_of(
-        self, first: NDArray[np.int64], second: NDArray[np.int64]
-    ) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
-        """Sort (M,) pairs of observations by their frames, and part them there."""
-        import numpy as np
-
-        num_frames = self.num_frames
-        # Two stable passes over small integers: far cheaper than sorting the pairs themselves.
-        order = np.argsort(first, kind="stable")
-        for frames in (self.frame[second], self.frame[first]):
-            order = order[np.argsort(_compact(frames[order], num_frames), kind="stable")]
-        first, second = first[order], second[order]
-        matches = np.stack([self.keypoint_index[first], self.keypoint_index[second]], axis=1)
-        frame0, frame1 = self.frame[first], self.frame[second]
-        starts = np.flatnonzero((np.diff(frame0) != 0) | (np.diff(frame1) != 0)) + 1
-        bounds = [0, *starts.tolist(), len(first)] if len(first) else []
-        for start, end in pairwise(bounds):
-            yield int(frame0[start]), int(frame1[start]), matches[start:end]
+        return frame_pairs(self, max_gap, start, self.num_frames if end is None else end)
 
     def adjacency(
         self, num_frames: int | None = None, max_gap: int | None = None
@@ -387,17 +391,13 @@ class Tracks:
         ValueError
             If ``num_frames`` is smaller than :attr:`num_frames`.
         """
-        import numpy as np
+        from mvmatch.pairing import adjacency
 
         side = self.num_frames if num_frames is None else num_frames
         if side < self.num_frames:
             message = f"num_frames is {side}, but tracks reach frame {self.num_frames - 1}"
             raise ValueError(message)
-        every = np.arange(self.num_observations, dtype=np.int64)
-        first, second = self._matched(every, max_gap)
-        keys = self.frame[first].astype(np.int64) * side + self.frame[second]
-        upper = np.bincount(keys, minlength=side * side).reshape(side, side).astype(np.int64)
-        return upper + upper.T
+        return adjacency(self, side, max_gap)
 
     def select(self, keep: NDArray[np.bool_]) -> Tracks:
         """Tracks where the (T,) mask holds; keypoints are numbered anew."""
@@ -409,10 +409,3 @@ class Tracks:
             frame=self.frame[observed],
             xy=self.xy[observed],
         )
-
-
-def _compact(frame: NDArray[np.int32], num_frames: int) -> NDArray[np.integer[Any]]:
-    """Frames in the smallest type: NumPy sorts 16-bit integers in linear time."""
-    import numpy as np
-
-    return frame.astype(np.uint16) if num_frames <= 1 << 16 else frame

@@ -136,3 +136,22 @@ def test_a_text_file_is_not_a_database(tmp_path):
     path.write_text("hello")
     with pytest.raises(DataError, match="not a COLMAP database"):
         score_database(path)
+
+
+def test_a_database_written_piece_by_piece_is_the_one_written_at_once(tmp_path, monkeypatch):
+    frames = 70
+    tracks, further = sideways_tracks(frames, 40), sideways_tracks(frames, 10)
+    names = [f"{frame:06d}.png" for frame in range(frames)]
+
+    def rows(name: str, size: int) -> list[list[tuple]]:
+        for constant in ("export.colmap._FRAMES", "export.verification._FRAMES", "pairing.FRAMES"):
+            monkeypatch.setattr(f"mvmatch.{constant}", size)
+        path = tmp_path / name
+        write_database(tracks, path, camera=camera(), image_names=names, further=further)
+        tables = ("keypoints", "matches", "two_view_geometries")
+        with sqlite3.connect(path) as database:
+            return [database.execute(f"SELECT * FROM {table}").fetchall() for table in tables]
+
+    pieces, whole = rows("pieces.db", 3), rows("whole.db", 1000)
+    assert pieces == whole
+    assert [len(table) for table in whole] == [70, 645, 645]

@@ -151,6 +151,7 @@ def test_arrays_of_the_wrong_shape_are_refused_by_name():
     [
         ("tau", -1.0),
         ("cell", 0),
+        ("window", 0),
         ("min_length", 0),
         ("num_neighbors", 40),
         ("max_error", -0.1),
@@ -197,3 +198,21 @@ def test_the_cap_holds_in_every_frame_and_what_it_removes_still_fills():
     capped = TrackOptions(max_keypoints_per_image=10, fill=8)
     _, further = chain_fields(fields, options=capped)
     assert len(tracks) + len(further) >= len(build_tracks(fields))
+
+
+def test_tracks_go_on_from_window_to_window():
+    fields = translating(40, (0.0, 0.0))
+    tracks = build_tracks(fields, options=TrackOptions(window=7, max_drift=None))
+    assert tracks.lengths.tolist() == [40] * 32
+    further = chain_fields(fields, options=TrackOptions(window=7, max_drift=None, fill=4))[1]
+    assert further.lengths.tolist() == [40] * len(further) == [40] * 96
+
+
+def test_a_window_as_long_as_the_video_changes_nothing():
+    fields = translating(40, (1.5, 0.25))
+    whole = build_tracks(fields, options=TrackOptions(window=None))
+    same = build_tracks(fields, options=TrackOptions(window=40))
+    np.testing.assert_array_equal(same.xy, whole.xy)
+    np.testing.assert_array_equal(same.offsets, whole.offsets)
+    shorter = build_tracks(fields, options=TrackOptions(window=10))
+    assert shorter.num_observations > 0.9 * whole.num_observations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mvmatch.batches import TrackBatches
 from mvmatch.types import Tracks
 
 THREE = Tracks.from_lists(
@@ -82,16 +83,60 @@ def test_selected_tracks_are_numbered_anew():
     assert kept.keypoint_index.tolist() == [0, 0, 0, 1]
 
 
-def test_pairs_are_the_same_however_many_frames_are_sorted_together(monkeypatch):
+def scattered(*, num_tracks: int = 60, num_frames: int = 40) -> Tracks:
+    """Tracks of 2 to 11 observations in frames drawn at random."""
     generator = np.random.default_rng(0)
     rows = []
-    for _ in range(60):
-        frames = np.sort(generator.permutation(40)[: generator.integers(2, 12)])
+    for _ in range(num_tracks):
+        frames = np.sort(generator.permutation(num_frames)[: generator.integers(2, 12)])
         rows.append([(int(f), *generator.uniform(0, 99, 2)) for f in frames])
-    tracks = Tracks.from_lists(*rows)
+    return Tracks.from_lists(*rows)
+
+
+def test_pairs_are_the_same_however_many_frames_are_sorted_together(monkeypatch):
+    tracks = scattered()
     for max_gap in (None, 3):
-        monkeypatch.setattr("mvmatch.types._PAIRED_FRAMES", 1000)
+        monkeypatch.setattr("mvmatch.pairing.FRAMES", 1000)
         expected = [(i, j, matches.tolist()) for i, j, matches in tracks.pairs(max_gap)]
-        monkeypatch.setattr("mvmatch.types._PAIRED_FRAMES", 7)
+        monkeypatch.setattr("mvmatch.pairing.FRAMES", 7)
         assert [(i, j, matches.tolist()) for i, j, matches in tracks.pairs(max_gap)] == expected
         assert len(expected) > 20
+        some = [(i, j, matches.tolist()) for i, j, matches in tracks.pairs(max_gap, start=5, end=9)]
+        assert some == [pair for pair in expected if 5 <= pair[0] < 9]
+
+
+def test_keypoints_keep_their_numbers_in_a_stretch_of_frames(monkeypatch):
+    monkeypatch.setattr("mvmatch.types._BLOCK", 16)
+    tracks = scattered()
+    near = tracks.during(10, 20)
+    assert near.num_observations == np.count_nonzero((tracks.frame >= 10) & (tracks.frame < 20))
+    for frame in range(40):
+        expected = tracks.keypoints(frame) if 10 <= frame < 20 else np.empty((0, 2))
+        np.testing.assert_array_equal(near.keypoints(frame), expected)
+    pairs = [(i, j, matches.tolist()) for i, j, matches in near.pairs()]
+    assert pairs == [
+        (i, j, matches.tolist()) for i, j, matches in tracks.pairs(start=10, end=20) if j < 20
+    ]
+    assert len(pairs) > 10
+    assert len(tracks.during(40, 50)) == len(Tracks.from_lists().during(0, 9)) == 0
+
+
+@pytest.mark.parametrize("size", [1, 5, 100, 10_000])
+def test_parts_put_together_are_the_tracks(size):
+    tracks = scattered()
+    batches = TrackBatches()
+    for part in tracks.parts(size):
+        assert len(part) == 1 or part.num_observations <= size
+        batches.add(part.offsets, part.frame, part.xy)
+    again = batches.tracks()
+    np.testing.assert_array_equal(again.offsets, tracks.offsets)
+    np.testing.assert_array_equal(again.frame, tracks.frame)
+    np.testing.assert_array_equal(again.xy, tracks.xy)
+
+
+def test_the_reach_is_the_largest_distance_of_a_pair():
+    tracks = scattered()
+    for max_gap in (None, 1, 3, 100):
+        gaps = [j - i for i, j, _ in tracks.pairs(max_gap)]
+        assert tracks.reach(max_gap) == max(gaps)
+    assert Tracks.from_lists().reach() == Tracks.from_lists([(3, 0.0, 0.0)]).reach(10) == 0

@@ -157,3 +157,36 @@ def test_gaps_that_do_not_rise_are_refused(gaps):
 def test_full_verification_is_one_flag_away():
     assert Settings().options().verification.mode == "tracks"
     assert Settings(verify="all").options().verification.mode == "all"
+
+
+def with_holes(frames: int) -> Tracks:
+    """Tracks that come, go, and miss frames; some move by themselves."""
+    generator = np.random.default_rng(1)
+    rows = sideways(frames, 200)
+    rows[:30] = [[(f, x, y + 1.0 * f) for f, x, y in row] for row in rows[:30]]
+    kept = []
+    for row in rows:
+        first = generator.integers(0, frames - 20)
+        step = generator.choice([1, 1, 1, 3, 7])
+        kept.append(row[first : first + 30][::step])
+    return Tracks.from_lists(*kept)
+
+
+@pytest.mark.parametrize(
+    ("mode", "max_gap"), [("tracks", 10), ("tracks", 25), ("tracks", None), ("trust", None)]
+)
+def test_verdicts_do_not_depend_on_how_many_frames_are_judged_together(monkeypatch, mode, max_gap):
+    tracks, options = with_holes(60), VerificationOptions(mode=mode)
+    monkeypatch.setattr("mvmatch.export.verification._FRAMES", 1000)
+    monkeypatch.setattr("mvmatch.pairing.FRAMES", 1000)
+    whole = list(verify_tracks(tracks, camera(), options=options, max_gap=max_gap))
+    monkeypatch.setattr("mvmatch.export.verification._FRAMES", 8)
+    monkeypatch.setattr("mvmatch.pairing.FRAMES", 5)
+    pieces = list(verify_tracks(tracks, camera(), options=options, max_gap=max_gap))
+
+    assert len(pieces) == len(whole) > 500
+    for one, other in zip(pieces, whole, strict=True):
+        assert (one.frame0, one.frame1) == (other.frame0, other.frame1)
+        np.testing.assert_array_equal(one.matches, other.matches)
+        np.testing.assert_array_equal(one.inliers, other.inliers)
+        assert (one.fit is None) == (other.fit is None)

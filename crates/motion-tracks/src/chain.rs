@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::cells::{Cells, inside};
 use crate::cover::Cover;
 use crate::field::center;
 use crate::link::{Layer, LinkOptions};
@@ -47,18 +48,18 @@ pub(crate) struct Chain {
     pending: BTreeMap<i32, Vec<Head>>,
     /// Cells taken in frames that come up once more.
     taken: BTreeMap<i32, Vec<bool>>,
-    /// Points of other tracks whose cells are not to be used, by frame.
-    occupied: Occupied,
+    /// Points whose cells are not to be used, by frame.
+    occupied: BTreeMap<i32, Vec<[f32; 2]>>,
+    /// First frame that tracks may still gain observations in.
+    floor: i32,
 }
 
-/// Points by display index.
-pub(crate) type Occupied = BTreeMap<i32, Vec<[f32; 2]>>;
-
 impl Chain {
-    pub(crate) fn new(options: LinkOptions, occupied: Occupied) -> Self {
+    pub(crate) fn new(options: LinkOptions) -> Self {
         Self {
             options,
-            occupied,
+            occupied: BTreeMap::new(),
+            floor: i32::MIN,
             observations: Vec::new(),
             previous: Vec::new(),
             growth: Vec::new(),
@@ -84,6 +85,44 @@ impl Chain {
         if again {
             self.taken.insert(layer.frame, cells.taken);
         }
+    }
+
+    /// Whether points wait for a frame's turn.
+    pub(crate) fn awaits(&self, frame: i32) -> bool {
+        self.pending.contains_key(&frame)
+    }
+
+    /// Whether tracks gain no more observations in a frame.
+    pub(crate) fn is_closed(&self, frame: i32) -> bool {
+        frame < self.floor
+    }
+
+    /// Points of the tracks that are long enough to be kept, in frames that are open.
+    fn open_points(&self) -> impl Iterator<Item = (i32, [f32; 2])> {
+        self.observations
+            .iter()
+            .filter(|seen| !self.is_closed(seen.frame) && self.is_kept(seen.track))
+            .map(|seen| (seen.frame, seen.xy))
+    }
+
+    /// Takes the cells of its tracks from another chain's.
+    pub(crate) fn occupy(&self, other: &mut Self) {
+        for (frame, xy) in self.open_points() {
+            other.occupied.entry(frame).or_default().push(xy);
+        }
+    }
+
+    /// Takes the cells of its tracks from those that are still to start.
+    pub(crate) fn occupy_own(&mut self) {
+        let points: Vec<_> = self.open_points().collect();
+        for (frame, xy) in points {
+            self.occupied.entry(frame).or_default().push(xy);
+        }
+    }
+
+    /// Whether a track is long enough to be kept.
+    pub(crate) fn is_kept(&self, track: u32) -> bool {
+        self.growth[track as usize].length >= self.options.min_length
     }
 
     /// The cells of a frame that are free of other tracks.
@@ -119,15 +158,9 @@ impl Chain {
             if !cells.contains(xy) || !cells.claim(xy) {
                 continue;
             }
-            let Ok(track) = u32::try_from(self.growth.len()) else {
+            let Some(track) = self.start_track() else {
                 break;
             };
-            self.growth.push(Growth {
-                length: 0,
-                first_frame: i32::MAX,
-                last_frame: i32::MIN,
-                last: NONE,
-            });
             self.observe(track, frame, xy, 0.0);
             heads.push(Head {
                 track,
@@ -138,6 +171,18 @@ impl Chain {
             });
         }
         heads
+    }
+
+    /// Number of a new track; none if there are too many.
+    fn start_track(&mut self) -> Option<u32> {
+        let track = u32::try_from(self.growth.len()).ok()?;
+        self.growth.push(Growth {
+            length: 0,
+            first_frame: i32::MAX,
+            last_frame: i32::MIN,
+            last: NONE,
+        });
+        Some(track)
     }
 
     pub(crate) fn observe(&mut self, track: u32, frame: i32, xy: [f32; 2], variance: f32) {
@@ -206,10 +251,10 @@ impl Chain {
         let offset = [head.xy[0] - middle[0], head.xy[1] - middle[1]];
         let moved = layer.motion(row).at(offset);
         let xy = [head.xy[0] + moved[0], head.xy[1] + moved[1]];
-        if !inside(xy, layer.width, layer.height) {
+        let reference = layer.references[row];
+        if !inside(xy, layer.width, layer.height) || self.is_closed(reference) {
             return;
         }
-        let reference = layer.references[row];
         let sign = if reference < layer.frame { 1.0 } else { -1.0 };
         let step = moved.map(|component| component * sign);
         let agrees = match (self.options.cosine, head.step) {
@@ -244,19 +289,34 @@ impl Chain {
         }
     }
 
+    /// Closes the frames before `floor`: gives away the tracks that end there, keeps the others, and
+    /// forgets what is too short.
+    pub(crate) fn close(&mut self, floor: i32) -> Tracks {
+        let mut open = Self::new(self.options);
+        open.floor = self.floor.max(floor);
+        let numbers: Vec<Option<u32>> = (0..)
+            .zip(&self.growth)
+            .map(|(track, growth)| {
+                let goes_on = !open.is_closed(growth.last_frame) && self.is_kept(track);
+                goes_on.then(|| open.start_track())?
+            })
+            .collect();
+        let mut closed = std::mem::replace(self, open);
+        closed.observations.retain(|seen| {
+            let number = numbers[seen.track as usize];
+            if let Some(track) = number {
+                self.observe(track, seen.frame, seen.xy, seen.variance);
+            }
+            number.is_none()
+        });
+        closed.finish()
+    }
+
     /// Groups the observations.
     pub(crate) fn finish(self) -> Tracks {
         let tracks = u32::try_from(self.growth.len()).expect("tracks are numbered in 32 bits");
         Tracks::collect(&self.observations, tracks, self.options.min_length)
     }
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "pictures are at most 2^16 px wide and high"
-)]
-fn inside([x, y]: [f32; 2], width: u32, height: u32) -> bool {
-    x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32
 }
 
 /// One arrival per track: those that agree are averaged by their accuracy, of others the most
@@ -294,63 +354,4 @@ fn average(arrivals: &[Head]) -> Head {
     }
     best.xy = [0, 1].map(|axis| best.xy[axis] + sum[axis] / total);
     best
-}
-
-/// Square cells of one frame that hold at most one track each; without a side nothing is limited.
-pub(crate) struct Cells {
-    side: Option<u32>,
-    width: u32,
-    height: u32,
-    taken: Vec<bool>,
-}
-
-impl Cells {
-    fn new(side: Option<u32>, width: u32, height: u32) -> Self {
-        let side = side.map(|side| side.max(1));
-        let count = side.map_or(0, |side| {
-            width.div_ceil(side) as usize * height.div_ceil(side) as usize
-        });
-        Self {
-            side,
-            width,
-            height,
-            taken: vec![false; count],
-        }
-    }
-
-    /// Middles of all cells inside the picture, line by line.
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "pictures are at most 2^16 px wide and high"
-    )]
-    pub(crate) fn middles(side: u32, width: u32, height: u32) -> impl Iterator<Item = [f32; 2]> {
-        let half = side as f32 / 2.0;
-        (0..height.div_ceil(side)).flat_map(move |line| {
-            (0..width.div_ceil(side))
-                .map(move |column| [(column * side) as f32 + half, (line * side) as f32 + half])
-        })
-    }
-
-    pub(crate) fn contains(&self, xy: [f32; 2]) -> bool {
-        inside(xy, self.width, self.height)
-    }
-
-    /// Takes the cell at `xy`; false if it was taken. Points outside the picture belong to no cell.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked to be inside"
-    )]
-    pub(crate) fn claim(&mut self, xy: [f32; 2]) -> bool {
-        let Some(side) = self.side else { return true };
-        if !self.contains(xy) {
-            return false;
-        }
-        let columns = self.width.div_ceil(side) as usize;
-        let cell = (xy[1] as u32 / side) as usize * columns + (xy[0] as u32 / side) as usize;
-        // A frame of another size under the same display index keeps its own picture limits.
-        self.taken
-            .get_mut(cell)
-            .is_some_and(|taken| !std::mem::replace(taken, true))
-    }
 }

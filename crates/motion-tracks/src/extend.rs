@@ -7,7 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::chain::{Cells, Chain, NONE};
+use crate::cells::Cells;
+use crate::chain::{Chain, NONE};
 use crate::field::{center, half_sizes};
 use crate::link::Layer;
 
@@ -20,17 +21,17 @@ struct Point {
 }
 
 /// State of the second walk.
-pub(crate) struct Extension {
-    chain: Chain,
+pub(crate) struct Extension<'a> {
+    chain: &'a mut Chain,
     points: BTreeMap<i32, Vec<Point>>,
 }
 
-impl Extension {
-    /// Takes the tracks of the first walk that are long enough to be kept.
-    pub(crate) fn new(chain: Chain) -> Self {
+impl<'a> Extension<'a> {
+    /// Takes the tracks that are long enough to be kept.
+    pub(crate) fn new(chain: &'a mut Chain) -> Self {
         let mut points: BTreeMap<i32, Vec<Point>> = BTreeMap::new();
         for observation in &chain.observations {
-            if chain.growth[observation.track as usize].length >= chain.options.min_length {
+            if chain.is_kept(observation.track) {
                 let point = Point {
                     track: observation.track,
                     xy: observation.xy,
@@ -42,7 +43,7 @@ impl Extension {
         Self { chain, points }
     }
 
-    /// Handles one coded frame; all frames are visited in decode order.
+    /// Handles one coded frame; they are visited in decode order.
     pub(crate) fn visit(&mut self, layer: &Layer) {
         let mut cells = self.chain.cells(layer.frame, layer.width, layer.height);
         for point in self.points.get(&layer.frame).into_iter().flatten() {
@@ -54,11 +55,6 @@ impl Extension {
         for reference in references {
             self.extend_from(layer, reference, &mut cells);
         }
-    }
-
-    /// The chain with what was added.
-    pub(crate) fn into_chain(self) -> Chain {
-        self.chain
     }
 
     fn extend_from(&mut self, layer: &Layer, reference: i32, cells: &mut Cells) {

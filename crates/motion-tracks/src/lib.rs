@@ -14,6 +14,7 @@
     allow(clippy::float_cmp, reason = "expected values are exact in binary")
 )]
 
+mod cells;
 mod chain;
 mod confidence;
 mod cover;
@@ -24,11 +25,13 @@ mod filter;
 mod link;
 mod motion;
 mod neighbors;
+mod seeds;
 mod tracks;
+mod window;
 
 pub use confidence::{ErrorModel, vector_errors};
 pub use field::{Field, FieldError};
 pub use filter::{FitOptions, LocalFit, fit_neighbors};
-pub use link::{LinkOptions, Linker};
+pub use link::{LinkOptions, Linked, Linker};
 pub use motion::{Carry, Cosine, Follow};
 pub use tracks::Tracks;

@@ -1,18 +1,13 @@
-//! Chaining of motion fields into tracks, in reverse decode order.
-//!
-//! A reference always decodes before the frame that uses it. Going backwards, every point that can
-//! reach a frame has therefore arrived when the frame's turn comes, whatever the prediction structure.
+//! Motion fields in, tracks out: what is kept of a field, and until when.
 
-use std::collections::BTreeMap;
-
-use crate::chain::{Cells, Chain, Occupied};
+use crate::chain::Chain;
 use crate::confidence::ErrorModel;
-use crate::cover::Cover;
-use crate::extend::Extension;
-use crate::field::{Field, FieldError, center, half_sizes};
+use crate::field::{Field, FieldError};
 use crate::filter::{FitOptions, LocalFit, fit_neighbors};
-use crate::motion::{Carry, Cosine, Follow, Motion, distance, length};
+use crate::motion::{Carry, Cosine, Follow, Motion, length};
+use crate::seeds::Seeds;
 use crate::tracks::Tracks;
+use crate::window::{REACH, chain_window};
 
 /// Rules of chaining.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +36,12 @@ pub struct LinkOptions {
     pub extend: bool,
     /// Shorter tracks, in observations, are dropped.
     pub min_length: u32,
+    /// Side in px of the square cells of further tracks, which start at the middle of every cell that
+    /// the others leave free and a usable block covers; none without.
+    pub fill: Option<u32>,
+    /// Coded frames that are chained at once: tracks of longer clips go on from window to window.
+    /// Without, all frames are held until the end.
+    pub window: Option<u32>,
 }
 
 /// The usable rows of one frame, compact: 20 bytes per row, 4 more with a filter and 16 more if points
@@ -56,7 +57,7 @@ pub(crate) struct Layer {
     /// Slopes of the motion; empty when points are translated.
     slopes: Vec<[f32; 4]>,
     /// Median errors, px at rest; empty without a model.
-    errors: Vec<f32>,
+    pub(crate) errors: Vec<f32>,
 }
 
 impl Layer {
@@ -84,30 +85,71 @@ impl Layer {
     }
 }
 
+/// Tracks that will not grow any more.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linked {
+    /// What is matched and mapped, the same for any `fill`.
+    pub tracks: Tracks,
+    /// Those of `fill`.
+    pub further: Tracks,
+}
+
 /// Collects motion fields in decode order and turns them into tracks.
 ///
-/// Keeps the compact rows of every frame until [`Linker::finish`]: the chain starts at the end.
+/// Keeps the compact rows of one window of frames and the tracks that reach its end: the walk over a
+/// window starts at its end.
 pub struct Linker {
     options: LinkOptions,
+    /// Frames that new points may still reach: those of the window, behind some that are chained.
     layers: Vec<Layer>,
+    /// How many of the layers are chained.
+    num_chained: usize,
+    chain: Chain,
+    /// Chain and seeds of the further tracks.
+    further: Option<(Chain, Seeds)>,
+    finished: Linked,
 }
 
 impl Linker {
     /// An empty linker.
     #[must_use]
     pub fn new(options: LinkOptions) -> Self {
+        let further = options.fill.map(|side| {
+            let side = side.max(1);
+            let cell = Some(side);
+            (
+                Chain::new(LinkOptions { cell, ..options }),
+                Seeds::Cells { side },
+            )
+        });
         Self {
             options,
             layers: Vec::new(),
+            num_chained: 0,
+            chain: Chain::new(options),
+            further,
+            finished: Linked::none(),
         }
     }
 
     /// Adds the next frame in decode order, filtered; frames without vectors belong here as well.
     ///
+    /// A frame whose display index lies so far behind that its window is closed is left out.
+    ///
     /// # Errors
     /// If the field is not valid; nothing is added then.
     pub fn push(&mut self, field: &Field<'_>) -> Result<(), FieldError> {
         field.validate()?;
+        let num_fresh = self.layers.len() - self.num_chained;
+        if let Some(window) = self.options.window
+            && num_fresh >= window.max(1) as usize
+        {
+            self.chain();
+            self.close(window);
+        }
+        if self.chain.is_closed(field.frame) {
+            return Ok(());
+        }
         let needs_fit =
             self.options.error_model.is_some() || self.options.carry != Carry::Translate;
         let fits = if needs_fit {
@@ -159,119 +201,59 @@ impl Linker {
         layer
     }
 
-    /// Chains everything pushed so far; tracks start at block centres.
+    /// Takes the tracks that have ended since the last time; there are some after each window.
+    pub fn take(&mut self) -> Linked {
+        std::mem::replace(&mut self.finished, Linked::none())
+    }
+
+    /// Chains the rest and returns all tracks that were not taken.
     #[must_use]
-    pub fn finish(&self) -> Tracks {
-        // Points that are translated know no slope: nothing tells which blocks move as one.
-        let spacing = match self.options.carry {
-            Carry::Translate => None,
-            Carry::Fuse => self.options.cell.map(|side| side.saturating_mul(2).max(1)),
-        };
-        self.chain(self.options, Occupied::new(), |layer, cover| {
-            seeds(layer, cover, spacing)
-        })
+    pub fn finish(mut self) -> Linked {
+        self.chain();
+        let mut finished = self.finished;
+        finished.tracks.append(&self.chain.finish());
+        if let Some((further, _)) = self.further {
+            finished.further.append(&further.finish());
+        }
+        finished
     }
 
-    /// Further tracks in the cells, `cell` px wide, that given tracks leave free in each frame. They
-    /// start at the middle of every free cell that a usable block covers.
-    #[must_use]
-    pub fn fill(&self, tracks: &Tracks, cell: u32) -> Tracks {
-        let mut occupied = Occupied::new();
-        for (&frame, &xy) in tracks.frames.iter().zip(&tracks.points) {
-            occupied.entry(frame).or_default().push(xy);
+    /// Chains the layers that are not yet.
+    fn chain(&mut self) {
+        if self.num_chained == self.layers.len() {
+            return;
         }
-        let cell = cell.max(1);
-        let options = LinkOptions {
-            cell: Some(cell),
-            ..self.options
-        };
-        self.chain(options, occupied, |layer, cover| {
-            Cells::middles(cell, layer.width, layer.height)
-                .filter(|&xy| cover.rows_at(xy).next().is_some())
-                .collect()
-        })
+        let seeds = Seeds::in_blocks(&self.options);
+        chain_window(&mut self.chain, &self.layers, self.num_chained, seeds);
+        if let Some((further, seeds)) = &mut self.further {
+            self.chain.occupy(further);
+            chain_window(further, &self.layers, self.num_chained, *seeds);
+        }
     }
 
-    fn chain(
-        &self,
-        options: LinkOptions,
-        occupied: Occupied,
-        seeds: impl Fn(&Layer, &Cover) -> Vec<[f32; 2]>,
-    ) -> Tracks {
-        let mut chain = Chain::new(options, occupied);
-        let mut codings: BTreeMap<i32, u32> = BTreeMap::new();
-        for layer in &self.layers {
-            *codings.entry(layer.frame).or_default() += 1;
+    /// Lets go of everything that cannot be reached from later windows.
+    fn close(&mut self, window: u32) {
+        let newest = self.layers.iter().map(|layer| layer.frame).max();
+        let floor = newest.unwrap_or_default().saturating_sub(REACH);
+        self.finished.tracks.append(&self.chain.close(floor));
+        if let Some((further, _)) = &mut self.further {
+            self.finished.further.append(&further.close(floor));
         }
-        for layer in self.layers.iter().rev() {
-            // A hidden frame and the overlay that is shown for it carry one display index.
-            let again = codings.get_mut(&layer.frame).is_some_and(|left| {
-                *left -= 1;
-                *left > 0
-            });
-            let blocks: Vec<[i32; 4]> = (0..layer.len()).map(|row| layer.block(row)).collect();
-            let cover = Cover::new(layer.width, layer.height, &blocks);
-            chain.visit(layer, &cover, &seeds(layer, &cover), again);
-        }
-        let (width, height) = self.layers.iter().fold((1, 1), |size, layer| {
-            (size.0.max(layer.width), size.1.max(layer.height))
-        });
-        chain.settle_rest(width, height);
-        if !options.extend {
-            return chain.finish();
-        }
-        let mut extension = Extension::new(chain);
-        for layer in &self.layers {
-            extension.visit(layer);
-        }
-        extension.into_chain().finish()
+        self.layers.retain(|layer| layer.frame >= floor);
+        // Streams that code one picture over and over must not pile up.
+        let most = window.max(2 * REACH.unsigned_abs()) as usize;
+        self.layers.drain(..self.layers.len().saturating_sub(most));
+        self.num_chained = self.layers.len();
     }
 }
 
-/// Where tracks may start, in the most accurate blocks first: at the centre of each, and in blocks
-/// that move as one also at points `spacing` px apart.
-fn seeds(layer: &Layer, cover: &Cover, spacing: Option<u32>) -> Vec<[f32; 2]> {
-    let mut rows: Vec<usize> = (0..layer.len())
-        .filter(|&row| cover.is_first(&layer.block(row), row))
-        .collect();
-    if !layer.errors.is_empty() {
-        rows.sort_by(|&a, &b| layer.errors[a].total_cmp(&layer.errors[b]));
-    }
-    let mut points = Vec::with_capacity(rows.len());
-    for row in rows {
-        let block = layer.block(row);
-        match spacing {
-            Some(spacing) if moves_as_one(&layer.motion(row), block) => {
-                points.extend(lattice(block, spacing));
-            }
-            _ => points.push(center(block)),
+impl Linked {
+    fn none() -> Self {
+        Self {
+            tracks: Tracks::empty(),
+            further: Tracks::empty(),
         }
     }
-    points
-}
-
-/// Difference of the motion at a block's corner from that at its centre below which the block moves
-/// as one, px: a quarter of the finest step of a vector. Elsewhere points off the centre lean.
-const SAME_MOTION: f32 = 1.0 / 32.0;
-
-fn moves_as_one(motion: &Motion, block: [i32; 4]) -> bool {
-    let [x, y] = half_sizes(block);
-    [[x, y], [x, -y]]
-        .iter()
-        .all(|&corner| distance(motion.at(corner), motion.vector) < SAME_MOTION)
-}
-
-/// Points of a block about `spacing` px apart, evenly and around the centre.
-#[expect(clippy::cast_precision_loss, reason = "sides are below 2^16 px")]
-fn lattice([x, y, w, h]: [i32; 4], spacing: u32) -> impl Iterator<Item = [f32; 2]> {
-    let count = |side: i32| (side.unsigned_abs() / spacing).max(1);
-    let at = |start: i32, side: i32, index: u32, count: u32| {
-        start as f32 + side as f32 * (index as f32 + 0.5) / count as f32
-    };
-    let (columns, lines) = (count(w), count(h));
-    (0..lines).flat_map(move |line| {
-        (0..columns).map(move |column| [at(x, w, column, columns), at(y, h, line, lines)])
-    })
 }
 
 /// Motion that doubles the error a vector may have, px.

@@ -68,6 +68,15 @@ impl Tracks {
         }
     }
 
+    /// Adds tracks behind the others.
+    pub(crate) fn append(&mut self, tracks: &Self) {
+        let before = self.offsets.last().copied().unwrap_or_default();
+        self.offsets
+            .extend(tracks.offsets.iter().skip(1).map(|end| before + end));
+        self.frames.extend_from_slice(&tracks.frames);
+        self.points.extend_from_slice(&tracks.points);
+    }
+
     /// No tracks.
     #[must_use]
     pub fn empty() -> Self {

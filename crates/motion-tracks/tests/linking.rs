@@ -1,7 +1,9 @@
 //! What tracks do on fields small enough to follow by hand.
 #![allow(clippy::float_cmp, reason = "expected values are exact in binary")]
 
-use motion_tracks::{Carry, Cosine, Field, FitOptions, Follow, LinkOptions, Linker, Tracks};
+use motion_tracks::{
+    Carry, Cosine, Field, FitOptions, Follow, LinkOptions, Linked, Linker, Tracks,
+};
 
 const PLAIN: LinkOptions = LinkOptions {
     keep_zero: true,
@@ -20,13 +22,15 @@ const PLAIN: LinkOptions = LinkOptions {
     cell: None,
     extend: false,
     min_length: 3,
+    fill: None,
+    window: None,
 };
 
 /// A row: block, vector, reference.
 type Row = ([i32; 4], [f32; 2], i32);
 
 fn link(options: LinkOptions, frames: &[(i32, &[Row])]) -> Tracks {
-    pushed(options, frames).finish()
+    pushed(options, frames).finish().tracks
 }
 
 fn pushed(options: LinkOptions, frames: &[(i32, &[Row])]) -> Linker {
@@ -273,14 +277,16 @@ fn filling_seeds_every_covered_cell_that_no_given_track_passes() {
         (1, &[(half, [0.0, 0.0], 0)]),
         (2, &[(half, [0.0, 0.0], 1)]),
     ];
-    let linker = pushed(PLAIN, &still);
-    let tracks = linker.finish();
-    let further = linker.fill(&tracks, 8);
+    let options = LinkOptions {
+        fill: Some(8),
+        ..PLAIN
+    };
+    let Linked { tracks, further } = pushed(options, &still).finish();
     // One track from the middle of the block, and the 4 x 4 cells of it less the one that it passes.
     assert_eq!((tracks.len(), further.len()), (1, 15));
     assert!(further.points.iter().all(|&[x, y]| x < 32.0 && y < 32.0));
     assert!(!further.points.contains(&[20.0, 20.0]));
-    assert_eq!(linker.finish(), tracks);
+    assert_eq!(tracks, link(PLAIN, &still));
 }
 
 /// Two frames of one 64x32 block among 8 px blocks, all with the vectors of `motion`.
@@ -313,7 +319,7 @@ fn large_block(carry: Carry, motion: impl Fn(f32) -> [f32; 2]) -> Tracks {
         };
         linker.push(&field).unwrap();
     }
-    linker.finish()
+    linker.finish().tracks
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Door to `motion-tracks`: NumPy columns in, NumPy columns out.
 
 use motion_tracks::{
-    Carry, Cosine, ErrorModel, Field, FieldError, FitOptions, Follow, LinkOptions, Linker, Tracks,
+    Carry, Cosine, ErrorModel, Field, FieldError, FitOptions, Follow, LinkOptions, Linked, Linker,
+    Tracks,
 };
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -78,6 +79,8 @@ type TrackArrays<'py> = (
     Bound<'py, PyArray2<f32>>,
 );
 
+type LinkedArrays<'py> = (TrackArrays<'py>, TrackArrays<'py>);
+
 /// (N, K) array of rows.
 fn to_array<const K: usize>(
     py: Python<'_>,
@@ -98,7 +101,7 @@ impl TrackLinker {
     #[new]
     #[pyo3(signature = (
         *, keep_zero, error_weights, max_error, max_drift, num_neighbors, carry, follow, epsilon, tau, cell, extend,
-        min_length
+        min_length, fill, window
     ))]
     #[expect(
         clippy::too_many_arguments,
@@ -117,6 +120,8 @@ impl TrackLinker {
         cell: Option<u32>,
         extend: bool,
         min_length: u32,
+        fill: Option<u32>,
+        window: Option<u32>,
     ) -> PyResult<Self> {
         let options = LinkOptions {
             keep_zero,
@@ -133,6 +138,8 @@ impl TrackLinker {
             cell,
             extend,
             min_length,
+            fill,
+            window,
         };
         Ok(Self {
             linker: Some(Linker::new(options)),
@@ -150,22 +157,25 @@ impl TrackLinker {
         py.detach(|| linker.push(&field)).map_err(refuse)
     }
 
-    /// Chains all fields, then further tracks in free cells of `fill` px; each are offsets (T + 1,),
+    /// Tracks that have ended since the last time, and further ones likewise; each are offsets (T + 1,),
     /// frame (O,) and xy (O, 2).
-    #[pyo3(signature = (*, fill = None))]
-    fn finish<'py>(
-        &mut self,
-        py: Python<'py>,
-        fill: Option<u32>,
-    ) -> PyResult<(TrackArrays<'py>, TrackArrays<'py>)> {
-        let linker = self.linker.take().ok_or_else(finished)?;
-        let (tracks, further) = py.detach(|| {
-            let tracks = linker.finish();
-            let further = fill.map(|cell| linker.fill(&tracks, cell));
-            (tracks, further.unwrap_or_else(Tracks::empty))
-        });
-        Ok((track_arrays(py, tracks)?, track_arrays(py, further)?))
+    fn take<'py>(&mut self, py: Python<'py>) -> PyResult<LinkedArrays<'py>> {
+        let linker = self.linker.as_mut().ok_or_else(finished)?;
+        linked_arrays(py, linker.take())
     }
+
+    /// Chains the rest: all tracks that were not taken, and further ones likewise.
+    fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<LinkedArrays<'py>> {
+        let linker = self.linker.take().ok_or_else(finished)?;
+        linked_arrays(py, py.detach(|| linker.finish()))
+    }
+}
+
+fn linked_arrays(py: Python<'_>, linked: Linked) -> PyResult<LinkedArrays<'_>> {
+    Ok((
+        track_arrays(py, linked.tracks)?,
+        track_arrays(py, linked.further)?,
+    ))
 }
 
 fn track_arrays(py: Python<'_>, tracks: Tracks) -> PyResult<TrackArrays<'_>> {

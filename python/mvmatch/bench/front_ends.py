@@ -199,6 +199,7 @@ FRONT_ENDS: dict[str, FrontEnd] = {
 SOURCES: dict[str, tuple[str, ...]] = {
     "vectors": (
         "_core",
+        "batches",
         "cells",
         "confidence",
         "correspondences",

@@ -16,10 +16,9 @@ import numpy as np
 
 from mvmatch.errors import DataError
 from mvmatch.export.verification import VerificationOptions, verify_tracks
-from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
+    from collections.abc import Generator, Iterator, Sequence
     from pathlib import Path
 
     import pycolmap
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
     from mvmatch.export.verification import VerifiedPair
     from mvmatch.geometry.two_view import PairGeometry
-    from mvmatch.types import TwoViewScore
+    from mvmatch.types import Tracks, TwoViewScore
 
 _NO_SPACE = "Is the disk full? Make room, or choose another place"
 
@@ -93,22 +92,19 @@ def write_database(
     DataError
         A track refers to a frame without a name, names repeat, or the path cannot be written.
     """
-    everything = tracks if further is None else Tracks.concatenate(tracks, further)
-    _check(everything, image_names)
+    parts = [tracks] if further is None else [tracks, further]
+    _check(parts, image_names)
     options = verification or VerificationOptions()
     with new_database(path) as database:
         write_images(database, camera, image_names)
-        num_keypoints = 0
-        for frame in range(len(image_names)):
-            xy = np.ascontiguousarray(everything.keypoints(frame), np.float32)
+        for frame, xy in _keypoints(parts, len(image_names)):
             database.write_keypoints(frame + 1, xy)
-            num_keypoints += len(xy)
         writer = _PairWriter(database)
         for pair in verify_tracks(tracks, camera, options=options, max_gap=max_gap):
             writer.add(pair)
     return DatabaseSummary(
         num_images=len(image_names),
-        num_keypoints=num_keypoints,
+        num_keypoints=sum(part.num_observations for part in parts),
         num_pairs=writer.num_pairs,
         num_estimated_pairs=len(writer.scores),
         num_verified_pairs=writer.num_verified_pairs,
@@ -214,10 +210,25 @@ def write_images(
         database.write_frame(frame, use_frame_id=True)
 
 
-def _check(tracks: Tracks, image_names: Sequence[str]) -> None:
+_FRAMES = 64
+"""Frames whose keypoints are sought at once."""
+
+
+def _keypoints(
+    parts: Sequence[Tracks], num_frames: int
+) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Yield every frame and its (K, 2) keypoints, px, those of the first part first."""
+    for start in range(0, num_frames, _FRAMES):
+        end = min(start + _FRAMES, num_frames)
+        near = [part.during(start, end) for part in parts]
+        for frame in range(start, end):
+            yield frame, np.concatenate([part.keypoints(frame) for part in near])
+
+
+def _check(parts: Sequence[Tracks], image_names: Sequence[str]) -> None:
     if len(set(image_names)) != len(image_names):
         raise DataError("image names repeat; COLMAP needs one name per frame")
-    last = int(tracks.frame.max()) if len(tracks.frame) else -1
+    last = max(part.num_frames for part in parts) - 1
     if last >= len(image_names):
         raise DataError(
             f"tracks reach frame {last} but there are {len(image_names)} image names; "

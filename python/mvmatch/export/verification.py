@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 MIN_SEEN = 0.5
 """A pair that shares fewer than this share of its matches with the estimated ones is estimated."""
 
+_FRAMES = 64
+"""Frames whose pairs are judged together, at least: bounds the memory."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationOptions:
@@ -93,50 +96,104 @@ def verify_tracks(
         In rising order of the frames.
     """
     options = options or VerificationOptions()
-    pairs = tracks.pairs(max_gap)
+    reach = tracks.reach(max_gap)
     if options.mode == "tracks":
-        yield from _by_tracks(tracks, list(pairs), camera, options)
+        yield from _by_tracks(tracks, camera, options, reach)
         return
-    for frame0, frame1, matches in pairs:
-        fit = None
-        inliers = np.ones(len(matches), np.bool_)
-        if options.mode != "trust":
-            fit = _estimate(tracks, (frame0, frame1, matches), camera, options)
-            inliers = fit.inliers
-        yield VerifiedPair(frame0=frame0, frame1=frame1, matches=matches, inliers=inliers, fit=fit)
+    for start in range(0, tracks.num_frames, _FRAMES):
+        near = tracks.during(start, start + _FRAMES + reach)
+        for pair in near.pairs(reach, start=start, end=start + _FRAMES):
+            fit = None
+            inliers = np.ones(len(pair[2]), np.bool_)
+            if options.mode != "trust":
+                fit = _estimate(near, pair, camera, options)
+                inliers = fit.inliers
+            yield _verified(pair, inliers, fit)
+
+
+def _verified(pair: Pair, inliers: NDArray[np.bool_], fit: PairGeometry | None) -> VerifiedPair:
+    frame0, frame1, matches = pair
+    return VerifiedPair(frame0=frame0, frame1=frame1, matches=matches, inliers=inliers, fit=fit)
 
 
 def _by_tracks(
-    tracks: Tracks, pairs: Sequence[Pair], camera: pycolmap.Camera, options: VerificationOptions
+    tracks: Tracks, camera: pycolmap.Camera, options: VerificationOptions, reach: int
 ) -> Iterator[VerifiedPair]:
-    gaps = _extended(options.gaps, max((last - first for first, last, _ in pairs), default=0))
-    verdicts = StepVerdicts(tracks.num_observations, len(gaps))
-    fits: dict[tuple[int, int], PairGeometry] = {}
+    """Judge the pairs of so many frames at a time.
 
-    def estimate(chosen: Iterable[Pair]) -> None:
-        for pair in chosen:
-            fit = fits[pair[:2]] = _estimate(tracks, pair, camera, options)
-            level = int(np.argmin(np.abs(gaps - (pair[1] - pair[0]))))
-            inliers = fit.inliers if _is_believed(fit, options) else None
-            verdicts.add(*_observations(tracks, pair), level=level, inliers=inliers)
+    A verdict depends on the estimated pairs that overlap with it, up to ``reach`` frames away, and
+    whether these are estimated on others as far away again.
+    """
+    judge = _Judge(camera, options, _extended(options.gaps, reach))
+    pairs: list[Pair] = []
+    num_frames = max(_FRAMES, reach)
+    paired = 0
+    for start in range(0, tracks.num_frames, num_frames):
+        end = start + num_frames
+        near = tracks.during(start - reach, end + 3 * reach)
+        pairs = [pair for pair in pairs if pair[0] >= start - reach]
+        pairs += near.pairs(reach, start=paired, end=end + 2 * reach)
+        paired = end + 2 * reach
+        judge.estimate(near, pairs, end=end + reach)
+        yield from judge.verdicts(near, [pair for pair in pairs if start <= pair[0] < end])
+        judge.forget(end - reach)
 
-    estimate(nearest_pairs(pairs, gaps))
-    # Where tracks have holes, a pair may share hardly a step with those estimated.
-    unseen = _sums(~verdicts.seen())
-    others = [pair for pair in pairs if pair[:2] not in fits]
-    estimate([p for p in others if _clear(unseen, *_observations(tracks, p)).mean() < MIN_SEEN])
-    wrong = _sums(~verdicts.right())
-    for pair in pairs:
-        frame0, frame1, matches = pair
-        fit = fits.get((frame0, frame1))
-        if fit is None:
-            inliers = _clear(wrong, *_observations(tracks, pair))
-            enough = np.count_nonzero(inliers) >= options.ransac.min_num_inliers
-        else:
-            inliers, enough = fit.inliers, _is_believed(fit, options)
-        if not enough:
-            inliers = np.zeros(len(matches), np.bool_)
-        yield VerifiedPair(frame0=frame0, frame1=frame1, matches=matches, inliers=inliers, fit=fit)
+
+class _Judge:
+    """Estimates a few pairs, keeps what was found as long as it counts, and judges the others."""
+
+    def __init__(
+        self, camera: pycolmap.Camera, options: VerificationOptions, gaps: NDArray[np.int64]
+    ) -> None:
+        self._camera, self._options, self._gaps = camera, options, gaps
+        self._fits: dict[tuple[int, int], PairGeometry] = {}
+        self._decided = 0
+        self._wrong = np.zeros(0, np.int64)
+
+    def estimate(self, near: Tracks, pairs: Sequence[Pair], *, end: int) -> None:
+        """Estimate what is missing of the pairs that start before the frame ``end``."""
+        verdicts = StepVerdicts(near.num_observations, len(self._gaps))
+        chosen = nearest_pairs(pairs, self._gaps)
+        self._add(verdicts, near, chosen)
+        # Where tracks have holes, a pair may share hardly a step with those estimated.
+        unseen = _sums(~verdicts.seen())
+        names = {pair[:2] for pair in chosen}
+        others = [pair for pair in pairs if pair[:2] not in names and pair[0] < end]
+        self._add(verdicts, near, [pair for pair in others if self._is_due(near, pair, unseen)])
+        self._decided = end
+        self._wrong = _sums(~verdicts.right())
+
+    def verdicts(self, near: Tracks, pairs: Iterable[Pair]) -> Iterator[VerifiedPair]:
+        """Judge pairs after they and those around them were estimated or passed over."""
+        for pair in pairs:
+            fit = self._fits.get(pair[:2])
+            if fit is None:
+                inliers = _clear(self._wrong, *_observations(near, pair))
+                enough = np.count_nonzero(inliers) >= self._options.ransac.min_num_inliers
+            else:
+                inliers, enough = fit.inliers, _is_believed(fit, self._options)
+            if not enough:
+                inliers = np.zeros(len(pair[2]), np.bool_)
+            yield _verified(pair, inliers, fit)
+
+    def forget(self, frame: int) -> None:
+        """Drop the estimates of pairs that start before a frame."""
+        self._fits = {name: fit for name, fit in self._fits.items() if name[0] >= frame}
+
+    def _is_due(self, near: Tracks, pair: Pair, unseen: NDArray[np.int64]) -> bool:
+        if pair[0] < self._decided:
+            return pair[:2] in self._fits
+        return bool(_clear(unseen, *_observations(near, pair)).mean() < MIN_SEEN)
+
+    def _add(self, verdicts: StepVerdicts, near: Tracks, pairs: Iterable[Pair]) -> None:
+        """Take note of estimated pairs; estimate those that are not yet."""
+        for pair in pairs:
+            fit = self._fits.get(pair[:2])
+            if fit is None:
+                fit = self._fits[pair[:2]] = _estimate(near, pair, self._camera, self._options)
+            level = int(np.argmin(np.abs(self._gaps - (pair[1] - pair[0]))))
+            inliers = fit.inliers if _is_believed(fit, self._options) else None
+            verdicts.add(*_observations(near, pair), level=level, inliers=inliers)
 
 
 def _estimate(
