@@ -113,13 +113,14 @@ def bridge_tracks(
             matches = matcher.match(earlier[other], features)
             points = earlier[other].xy[matches[:, 0]], features.xy[matches[:, 1]]
             fit = fit_pair(*points, camera, camera, frames=(other, frame), options=options.ransac)
-            links.add(other, matches[fit.inliers])
+            if np.count_nonzero(fit.inliers) >= options.min_inliers:
+                links.add(other, matches[fit.inliers])
         links.close(frame, features.xy)
         earlier[frame] = features
         earlier = {key: value for key, value in earlier.items() if key > frame - 2 * options.reach}
     found = links.tracks()
     crossing = _crossings(found, num_frames)
-    bridged = tuple(gap for gap in gaps if crossing[gap] >= options.ransac.min_num_inliers)
+    bridged = tuple(gap for gap in gaps if crossing[gap] >= options.min_inliers)
     return Bridge(tracks=found, gaps=gaps, bridged=bridged)
 
 

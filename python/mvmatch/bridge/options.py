@@ -23,11 +23,14 @@ class BridgeOptions:
     two of one side before they can tell where a picture of the other side was taken."""
     max_num_features: int = 1500
     """Per picture."""
+    min_inliers: int = 40
+    """Matches of a pair that keep to its essential matrix; fewer can be chance: two streets have
+    the same kerbs."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
     """Of the essential matrix that matches of a pair have to keep."""
 
     def __post_init__(self) -> None:
-        for name in ("min_tracks", "reach", "max_num_features"):
+        for name in ("min_tracks", "reach", "max_num_features", "min_inliers"):
             if getattr(self, name) < 1:
                 message = f"{name} is {getattr(self, name)}; it must be at least 1"
                 raise ValueError(message)
