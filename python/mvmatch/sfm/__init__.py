@@ -2,6 +2,8 @@
 
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
+from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
+from mvmatch.sfm.localize import LocalizeOptions, Unregistered
 from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct, write_model
 from mvmatch.sfm.options import MapperOptions
 
@@ -10,9 +12,13 @@ __all__ = [
     "Attempt",
     "DensifyOptions",
     "DensifySummary",
+    "KeyframeOptions",
+    "LocalizeOptions",
     "MapperOptions",
     "ModelCheck",
     "ReconstructionResult",
+    "Unregistered",
+    "choose_keyframes",
     "densify",
     "reconstruct",
     "write_model",
