@@ -38,7 +38,7 @@ def adjust(
 
     The camera is fitted without a robust loss: near points move fast, have the larger errors, and
     are the ones that know the focal length. ``tolerance`` is the relative change of the cost at
-    which the adjustment ends.
+    which the robust adjustment ends.
     """
     import pycolmap
 

@@ -6,7 +6,8 @@ all images, and one adjustment moves everything together. Every step is linear i
 video, since an image shares points only with its neighbours.
 """
 
-# pyright: reportUnknownMemberType=false
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ def complete(
     selection: KeyframeSelection,
     options: MapperOptions,
 ) -> tuple[Unregistered, ...]:
-    """Register, triangulate and adjust in place what key frames leave out; the cameras stay.
+    """Register, triangulate and adjust in place what key frames leave out; cameras stay.
 
     Parameters
     ----------

@@ -46,6 +46,8 @@ class DatabaseFacts:
     num_images: int
     max_reach: int
     """Images, in the order of their ids, from one to the other of a verified pair, at most."""
+    has_rigs: bool
+    """Whether images share frames, as those of several cameras on one rig do."""
     size: tuple[int, int]
     """Width and height of the largest picture, px; zero without a camera."""
 
@@ -58,8 +60,10 @@ def read_facts(path: Path) -> DatabaseFacts:
         image_ids = sorted(image.image_id for image in database.read_all_images())
         cameras = database.read_all_cameras()
         pairs = _verified_pairs(database, image_ids)
+        has_rigs = database.num_frames() != len(image_ids)
     return DatabaseFacts(
         num_images=len(image_ids),
+        has_rigs=has_rigs,
         max_reach=max((later - earlier for earlier, later in pairs), default=0),
         size=(
             max((camera.width for camera in cameras), default=0),

@@ -36,7 +36,7 @@ class KeyframeOptions:
 
     mode: Literal["auto", "all"] = "auto"
     """``all`` maps every image. ``auto`` maps key frames where there are more than ``max_images``
-    images and matches come from a video: no verified pair is farther apart than ``max_reach``."""
+    images of one moving camera: no verified pair is farther apart than ``max_reach``, no rig."""
     max_images: int = 60
     """So many images are mapped all."""
     max_reach: int = 32
@@ -60,7 +60,7 @@ class KeyframeOptions:
 
 
 def choose_keyframes(
-    tracks: Tracks, num_frames: int, *, diagonal: float, options: KeyframeOptions | None = None
+    tracks: Tracks, *, diagonal: float, options: KeyframeOptions | None = None
 ) -> NDArray[np.int64]:
     """Choose key frames by what the tracks do since the last one.
 
@@ -71,8 +71,6 @@ def choose_keyframes(
     ----------
     tracks : Tracks
         Observations in px.
-    num_frames : int
-        Frames of the video, those without tracks included.
     diagonal : float
         Of the picture, px.
     options : KeyframeOptions, optional
@@ -81,51 +79,35 @@ def choose_keyframes(
     Returns
     -------
     (K,) int64
-        Frames, rising; the first and, where something moves, the last are among them. None where
-        there are no frames.
+        Frames, rising: the first that has observations and, unless nothing moved since the last
+        key frame, the last. Frames without observations are never among them.
     """
     options = options or KeyframeOptions()
-    chosen = [0] if num_frames else []
-    since = _SinceKeyframe(tracks, 0)
-    frame = 1
-    while frame < num_frames:
-        share, displacement = since.measure(frame)
+    frames = np.flatnonzero(np.bincount(tracks.frame)).tolist()
+    last = len(frames) - 1
+    chosen, place = [0] if frames else [], 1
+    while place <= last:
+        keyframe = frames[chosen[-1]]
+        share, displacement = _since(tracks, keyframe, frames[place])
         lost = share < options.min_share
-        moved = displacement > options.still
         far = displacement >= options.min_displacement * diagonal
-        far |= moved and frame - chosen[-1] >= options.max_gap
-        far |= moved and frame == num_frames - 1
+        if displacement > options.still:
+            far |= place == last or frames[place] - keyframe >= options.max_gap
+        if lost:  # the frame before still saw enough tracks, unless it is the key frame itself
+            place = max(place - 1, chosen[-1] + 1)
         if lost or far:
-            # The frame before still saw enough tracks, unless it is the last key frame itself.
-            frame = max(frame - 1, chosen[-1] + 1) if lost else frame
-            chosen.append(frame)
-            since = _SinceKeyframe(tracks, frame)
-        frame += 1
-    return np.array(chosen, np.int64)
+            chosen.append(place)
+        place += 1
+    return np.array(frames, np.int64)[chosen]
 
 
-class _SinceKeyframe:
-    """How far the tracks of a key frame have come."""
-
-    def __init__(self, tracks: Tracks, keyframe: int) -> None:
-        self._tracks = tracks
-        self._observations = tracks.observations(keyframe)
-        self._of_track = np.argsort(tracks.track_index[self._observations])
-
-    def measure(self, frame: int) -> tuple[float, float]:
-        """Share of the key frame's tracks that are seen in a frame, and their median way in px."""
-        first = self._observations[self._of_track]
-        second = self._tracks.observations(frame)
-        _, in_first, in_second = np.intersect1d(
-            self._tracks.track_index[first],
-            self._tracks.track_index[second],
-            assume_unique=True,
-            return_indices=True,
-        )
-        if len(in_first) == 0:
-            return 0.0, 0.0
-        way = self._tracks.xy[second[in_second]] - self._tracks.xy[first[in_first]]
-        return len(in_first) / len(first), float(np.median(np.linalg.norm(way, axis=1)))
+def _since(tracks: Tracks, keyframe: int, frame: int) -> tuple[float, float]:
+    """Share of a key frame's tracks that a later frame sees, and how far their median came, px."""
+    seen = tracks.between(keyframe, frame)
+    if len(seen) == 0:
+        return 0.0, 0.0
+    way = np.linalg.norm(seen.xy1 - seen.xy0, axis=1)
+    return len(seen) / len(tracks.observations(keyframe)), float(np.median(way))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -205,11 +187,12 @@ def select_keyframes(path: Path, options: KeyframeOptions) -> KeyframeSelection 
     if options.mode == "all":
         return None
     facts = read_facts(path)
-    if facts.num_images <= options.max_images or facts.max_reach > options.max_reach:
+    is_long = facts.num_images > options.max_images
+    if not is_long or facts.has_rigs or facts.max_reach > options.max_reach:
         return None
     images = read_image_tracks(path)
     diagonal = float(np.hypot(*facts.size))
-    frames = choose_keyframes(images.tracks, facts.num_images, diagonal=diagonal, options=options)
+    frames = choose_keyframes(images.tracks, diagonal=diagonal, options=options)
     return KeyframeSelection(images=images, frames=frames, size=facts.size, options=options)
 
 

@@ -186,7 +186,7 @@ def _pose(
         return f"no pose explains the {count} points that its tracks lead to"
     pose = cast("pycolmap.Rigid3d", found["cam_from_world"])
     local = pose * xyz
-    projected = camera.img_from_cam(local)
+    projected = np.asarray(camera.img_from_cam(local), np.float64)
     near = np.linalg.norm(projected - seen.xy, axis=1) <= options.max_error
     near &= local[:, 2] > 0
     num_near = int(near.sum())
