@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mvmatch.errors import DataError
 from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
 from mvmatch.types import Tracks
 
@@ -136,7 +137,7 @@ def test_tracks_come_back_from_the_matches_of_a_database(tmp_path):
 
 
 def test_matches_that_contradict_each_other_leave_tracks_with_one_keypoint_per_image(tmp_path):
-    path = write(corridor(3), tmp_path / "database.db", 3)
+    path = write(corridor(9), tmp_path / "database.db", 9)
     with pycolmap.Database.open(path) as database:
         database.clear_two_view_geometries()
         crossed = np.stack([np.arange(20), np.arange(20)[::-1]], axis=1).astype(np.uint32)
@@ -150,6 +151,16 @@ def test_matches_that_contradict_each_other_leave_tracks_with_one_keypoint_per_i
     assert len(tracks) == 20
     for a, b in pairwise(tracks.offsets):
         assert (np.diff(tracks.frame[a:b]) > 0).all()
+
+
+def test_matches_of_keypoints_that_are_not_there_are_refused(tmp_path):
+    path = write(corridor(9), tmp_path / "database.db", 9)
+    with pycolmap.Database.open(path) as database:
+        geometry = database.read_two_view_geometry(1, 2)
+        geometry.inlier_matches = geometry.inlier_matches + np.uint32(10_000)
+        database.update_two_view_geometry(1, 2, geometry)
+    with pytest.raises(DataError, match="images 1 and 2 have matches of keypoints"):
+        read_image_tracks(path)
 
 
 def test_short_sequences_and_matches_across_the_whole_are_mapped_as_they_are(tmp_path):

@@ -283,7 +283,7 @@ def test_a_model_without_anything_to_adjust_is_adjusted_at_no_cost() -> None:
 
 
 def test_the_loss_is_as_tight_as_the_points_are_exact(forward) -> None:
-    """A tenth of the observations off by 2 px bends neither points nor poses, whatever the noise."""
+    """A tenth of the observations off by 2 px bends neither points nor poses."""
     _, result = forward
     model = pycolmap.Reconstruction(result.reconstruction)
     before = {image: model.image(image).projection_center() for image in model.reg_image_ids()}

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.errors import DataError
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
@@ -87,6 +88,11 @@ def read_image_tracks(path: Path) -> ImageTracks:
     -------
     ImageTracks
         The cost is linear in the number of matches; one pair at a time is in memory.
+
+    Raises
+    ------
+    DataError
+        A match refers to a keypoint that is not there.
     """
     import pycolmap
 
@@ -95,8 +101,15 @@ def read_image_tracks(path: Path) -> ImageTracks:
         xy = [database.read_keypoints(image_id)[:, :2] for image_id in image_ids]
         joiner = _Joiner([len(points) for points in xy])
         for earlier, later in _verified_pairs(database, image_ids):
-            geometry = database.read_two_view_geometry(image_ids[earlier], image_ids[later])
-            joiner.join(earlier, later, np.asarray(geometry.inlier_matches, np.int64))
+            ids = image_ids[earlier], image_ids[later]
+            matches = database.read_two_view_geometry(*ids).inlier_matches.astype(np.int64)
+            if (matches.max(axis=0) >= [len(xy[earlier]), len(xy[later])]).any():
+                message = (
+                    f"{path}: images {ids[0]} and {ids[1]} have matches of keypoints they do not "
+                    "have; match them anew"
+                )
+                raise DataError(message)
+            joiner.join(earlier, later, matches)
     observations = joiner.observations()
     everything = np.concatenate([np.empty((0, 2), np.float32), *xy])
     return ImageTracks(
