@@ -172,6 +172,20 @@ def test_short_sequences_and_matches_across_the_whole_are_mapped_as_they_are(tmp
     assert select_keyframes(far, KeyframeOptions(max_images=39, max_reach=10)) is None
 
 
+def test_a_camera_that_stands_still_for_long_gives_no_model_and_says_why(tmp_path):
+    generator = np.random.default_rng(0)
+    places = generator.uniform([20, 20], [620, 460], (80, 2))
+    rows = [
+        [(f, *(place + generator.normal(scale=0.05, size=2))) for f in range(64)]
+        for place in places
+    ]
+    path = write(Tracks.from_lists(*rows), tmp_path / "database.db", 64)
+    result = reconstruct(path, tmp_path)
+    assert not result.accepted
+    assert "does not move" in result.reasons[0]
+    assert result.unregistered == ()
+
+
 def test_key_frames_are_matched_along_the_tracks_within_the_budget(tmp_path):
     path = write(corridor(40), tmp_path / "database.db", 40)
     selection = select_keyframes(path, KeyframeOptions(max_images=0, max_keypoints=60))

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+MIN_KEYFRAMES = 3
+"""A camera that gives fewer stands still, which the image pairs of all frames tell best."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class KeyframeOptions:
     """Which frames of a long video are mapped."""
@@ -193,6 +197,8 @@ def select_keyframes(path: Path, options: KeyframeOptions) -> KeyframeSelection 
     images = read_image_tracks(path)
     diagonal = float(np.hypot(*facts.size))
     frames = choose_keyframes(images.tracks, diagonal=diagonal, options=options)
+    if len(frames) < MIN_KEYFRAMES:
+        return None
     return KeyframeSelection(images=images, frames=frames, size=facts.size, options=options)
 
 
