@@ -208,6 +208,20 @@ def test_key_frames_are_matched_along_the_tracks_within_the_budget(tmp_path):
     assert 30 < max(len(keypoints) for keypoints in matched.values()) <= 60
 
 
+def test_a_model_has_no_more_observations_than_memory_was_planned_for(tmp_path):
+    path = write(corridor(40), tmp_path / "database.db", 40)
+
+    def most(**bounds) -> int:
+        selection = select_keyframes(path, KeyframeOptions(max_images=0, **bounds))
+        kept = selection.images.tracks.select(selection.within_model())
+        return int(np.bincount(kept.frame).max())
+
+    everything = most(max_observations=None, max_total=None)
+    assert most() == everything > 60
+    assert most(max_observations=50) <= 50
+    assert most(max_total=40 * 30) <= 30
+
+
 LENGTH, BLACK = 64, 33
 
 
