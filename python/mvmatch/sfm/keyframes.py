@@ -161,7 +161,8 @@ class KeyframeSelection:
 
     def within_model(self) -> NDArray[np.bool_]:
         """(T,) tracks that have a place in the finished model."""
-        tracks, bounds = self.images.tracks, []
+        tracks = self.images.tracks
+        bounds: list[int] = []
         if self.options.max_observations is not None:
             bounds.append(self.options.max_observations)
         if self.options.max_total is not None:
