@@ -171,6 +171,8 @@ def describe_model(
         "reasons": list(model.reasons),
         "registered": model.registered,
         "total": model.total,
+        "num_keyframes": model.num_keyframes,
+        "unregistered": [dataclasses.asdict(image) for image in model.unregistered],
         "num_points": model.num_points,
         "dense": None if dense is None else dataclasses.asdict(dense),
         "mean_reprojection_error": model.mean_reprojection_error,

@@ -20,7 +20,15 @@ from mvmatch.export.colmap import DatabaseSummary
 from mvmatch.footage import Footage
 from mvmatch.matching import Match
 from mvmatch.overlays import Overlays
-from mvmatch.sfm import Attempt, Diagnosis, Finding, ModelCheck, ReconstructionResult, write_model
+from mvmatch.sfm import (
+    Attempt,
+    Diagnosis,
+    Finding,
+    ModelCheck,
+    ReconstructionResult,
+    Unregistered,
+    write_model,
+)
 from mvmatch.sources import ReferenceStructure, Skipped
 from mvmatch.store import (
     TracksTable,
@@ -145,13 +153,14 @@ def write_result(result: ReconstructionResult, folder: Path) -> Facts:
     facts = {
         item.name: getattr(result, item.name)
         for item in dataclasses.fields(result)
-        if item.name not in {"reconstruction", "path", "attempts"}
+        if item.name not in {"reconstruction", "path", "attempts", "unregistered"}
     }
     path = result.path
     if path is None and result.reconstruction is not None:
         path = write_model(result.reconstruction, folder / "rejected")
     return facts | {
         "attempts": [dataclasses.asdict(attempt) for attempt in result.attempts],
+        "unregistered": [dataclasses.asdict(each) for each in result.unregistered],
         "model": None if path is None else path.relative_to(folder).as_posix(),
     }
 
@@ -166,6 +175,7 @@ def read_result(folder: Path, facts: Facts) -> ReconstructionResult:
     changed: Facts = {
         "reasons": tuple(facts["reasons"]),
         "attempts": tuple(_attempt(attempt) for attempt in facts["attempts"]),
+        "unregistered": tuple(Unregistered(**each) for each in facts["unregistered"]),
         "reconstruction": None if path is None else pycolmap.Reconstruction(path),
         "path": path if facts["accepted"] else None,
     }

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
+from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.matching import match_video
 from mvmatch.sources import open_video
 from mvmatch.store import StoredMotion
@@ -115,6 +116,26 @@ def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Pa
     assert report["footage"]["cuts"] == report["footage"]["repeats"] == []
     assert main(words) == 0
     assert not (tmp_path / "masks").exists()
+
+
+def test_a_long_video_has_a_pose_for_every_frame_though_few_are_mapped(
+    data: Path, tmp_path: Path
+) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    words = ["run", str(data / "drive.ivf"), "--camera", DRIVE_CAMERA, "--preset", "dense"]
+    centers = []
+    for most in (10, 60):
+        out = tmp_path / str(most)
+        long = ["--set", f"mapper.keyframes.max_images={most}"]
+        assert main([*words, *long, "-o", str(out)]) == 0
+        found = json.loads((out / "report.json").read_text())["model"]
+        assert found["registered"] == found["total"] == 20
+        assert found["unregistered"] == []
+        assert (found["num_keyframes"] < 12) == (most < 20)
+        assert found["dense"]["num_added"] > 0
+        model = pycolmap.Reconstruction(out / "sparse" / "0")
+        centers.append([model.image(f + 1).projection_center() for f in range(20)])
+    assert trajectory_error(*centers).percent_of_path < 0.1
 
 
 def test_a_dense_run_has_the_poses_of_a_default_run_and_many_more_points(

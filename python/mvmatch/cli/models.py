@@ -174,6 +174,8 @@ def with_mapper(options: RunOptions, mapper: Literal["incremental", "global"] | 
 def model_figures(model: Any) -> dict[str, str]:
     """Say how large and how good a model is."""
     text = f"{model.registered}/{model.total} images registered, {model.num_points:,} points"
+    if model.num_keyframes < model.total:
+        text += f", {model.num_keyframes} key frames mapped"
     if model.num_points:
         text += (
             f", {model.mean_reprojection_error:.2f} px reprojection error, "

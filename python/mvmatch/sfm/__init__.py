@@ -3,6 +3,8 @@
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
 from mvmatch.sfm.diagnosis import Diagnosis, Finding, diagnose, status_of
+from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
+from mvmatch.sfm.localize import LocalizeOptions, Unregistered
 from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct, write_model
 from mvmatch.sfm.options import MapperOptions
 
@@ -13,9 +15,13 @@ __all__ = [
     "DensifySummary",
     "Diagnosis",
     "Finding",
+    "KeyframeOptions",
+    "LocalizeOptions",
     "MapperOptions",
     "ModelCheck",
     "ReconstructionResult",
+    "Unregistered",
+    "choose_keyframes",
     "densify",
     "diagnose",
     "reconstruct",

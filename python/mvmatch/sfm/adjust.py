@@ -32,17 +32,19 @@ def adjust(
     options: MapperOptions,
     *,
     refine: Literal["nothing", "focal length", "intrinsics"] = "nothing",
+    tolerance: float = 1e-6,
 ) -> None:
     """Adjust poses and points in place; before, if asked for, focal length, and distortion with it.
 
     The camera is fitted without a robust loss: near points move fast, have the larger errors, and
-    are the ones that know the focal length.
+    are the ones that know the focal length. ``tolerance`` is the relative change of the cost at
+    which the robust adjustment ends.
     """
     import pycolmap
 
     if refine != "nothing":
         fit_squares(model, refine)
-    _solve(model, _adjustment(_loss_scale(model, options)))
+    _solve(model, _adjustment(_loss_scale(model, options), tolerance))
     # COLMAP's residual of a point behind the camera is zero: nothing in the solver keeps it out.
     pycolmap.ObservationManager(model).filter_observations_with_negative_depth()
     model.update_point_3d_errors()
@@ -151,7 +153,7 @@ def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustment
     return float(summary.ceres_summary.final_cost)
 
 
-def _adjustment(loss_scale: float) -> pycolmap.BundleAdjustmentOptions:
+def _adjustment(loss_scale: float, tolerance: float = 1e-6) -> pycolmap.BundleAdjustmentOptions:
     import pycolmap
 
     adjustment = pycolmap.BundleAdjustmentOptions()
@@ -161,10 +163,12 @@ def _adjustment(loss_scale: float) -> pycolmap.BundleAdjustmentOptions:
     adjustment.refine_extra_params = False
     ceres = adjustment.ceres
     ceres.use_gpu = False
+    # Images of a video share points with their neighbours only: factors stay sparse at any length.
+    ceres.max_num_images_direct_sparse_cpu_solver = 1_000_000
     if loss_scale > 0:
         ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
         ceres.loss_function_scale = loss_scale
     ceres.solver_options.num_threads = 1
     ceres.solver_options.max_num_iterations = 50
-    ceres.solver_options.function_tolerance = 1e-6
+    ceres.solver_options.function_tolerance = tolerance
     return adjustment

@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from mvmatch.sfm.database import ImageTracks
+from mvmatch.sfm.localize import points_of_tracks
+
 if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
@@ -78,37 +81,71 @@ def densify(
     ----------
     Robust multi-view triangulation as in COLMAP (Schönberger and Frahm 2016, section 4.3).
     """
+    _require_keypoints_of(model, tracks)
+    images = ImageTracks(
+        image_ids=np.arange(1, tracks.num_frames + 1, dtype=np.int64),
+        tracks=tracks,
+        keypoint=tracks.keypoint_index,
+    )
+    return triangulate(model, images, options=options)
+
+
+def triangulate(
+    model: pycolmap.Reconstruction,
+    images: ImageTracks,
+    *,
+    among: NDArray[np.bool_] | None = None,
+    options: DensifyOptions | None = None,
+) -> DensifySummary:
+    """As :func:`densify`, with tracks that need not hold all keypoints.
+
+    Parameters
+    ----------
+    model : pycolmap.Reconstruction
+        Gets the points.
+    images : ImageTracks
+        Tracks through its images and others.
+    among : (T,) bool, optional
+        Tracks that may become points; all without.
+    options : DensifyOptions, optional
+        When a point is accepted.
+    """
     import pycolmap
 
     options = options or DensifyOptions()
-    registered = _registered(model, tracks)
+    tracks = images.tracks
     views = {
-        frame: (model.image(frame + 1).cam_from_world(), model.image(frame + 1).camera)
-        for frame in np.flatnonzero(registered).tolist()
+        frame: (model.image(image_id).cam_from_world(), model.image(image_id).camera)
+        for frame, image_id in enumerate(images.image_ids.tolist())
+        if model.exists_image(image_id) and model.image(image_id).has_pose
     }
+    registered = np.zeros(len(images.image_ids), np.bool_)
+    registered[list(views)] = True
     usable = registered[tracks.frame]
     num_usable = np.bincount(tracks.track_index[usable], minlength=len(tracks))
-    candidates = ~_has_point(model, tracks) & (num_usable >= options.min_observations)
+    candidates = (points_of_tracks(model, images) < 0) & (num_usable >= options.min_observations)
+    if among is not None:
+        candidates &= among
     estimation = _estimation(options)
-    xy, num_added = tracks.xy.astype(np.float64), 0
+    num_added = 0
     for track in np.flatnonzero(candidates).tolist():
         rows = np.arange(tracks.offsets[track], tracks.offsets[track + 1])
         rows = rows[usable[rows]]
-        frames = tracks.frame[rows].tolist()
-        poses, cameras = zip(*(views[frame] for frame in frames), strict=True)
-        found = pycolmap.estimate_triangulation(xy[rows], poses, cameras, estimation)
+        frames = tracks.frame[rows]
+        poses, cameras = zip(*(views[frame] for frame in frames.tolist()), strict=True)
+        xy = tracks.xy[rows].astype(np.float64)
+        found = pycolmap.estimate_triangulation(xy, poses, cameras, estimation)
         if found is None:
             continue
         inliers = cast("NDArray[np.bool_]", found["inliers"])
         if inliers.sum() < max(options.min_observations, options.min_share * len(rows)):
             continue
-        elements = [
-            pycolmap.TrackElement(frame + 1, index)
-            for frame, index, inlier in zip(
-                frames, tracks.keypoint_index[rows].tolist(), inliers.tolist(), strict=True
-            )
-            if inlier
-        ]
+        seen = zip(
+            images.image_ids[frames][inliers].tolist(),
+            images.keypoint[rows][inliers].tolist(),
+            strict=True,
+        )
+        elements = [pycolmap.TrackElement(*element) for element in seen]
         model.add_point3D(found["xyz"], pycolmap.Track(elements))
         num_added += 1
     model.update_point_3d_errors()
@@ -119,12 +156,10 @@ def densify(
     )
 
 
-def _registered(model: pycolmap.Reconstruction, tracks: Tracks) -> NDArray[np.bool_]:
-    """(F,) frames of the tracks that have a pose in the model."""
-    registered = np.zeros(tracks.num_frames, np.bool_)
+def _require_keypoints_of(model: pycolmap.Reconstruction, tracks: Tracks) -> None:
     for image_id in model.reg_image_ids():
         frame = image_id - 1
-        if frame >= len(registered):
+        if frame >= tracks.num_frames:
             continue
         expected, found = len(tracks.observations(frame)), model.image(image_id).num_points2D()
         if found != expected:
@@ -133,18 +168,6 @@ def _registered(model: pycolmap.Reconstruction, tracks: Tracks) -> NDArray[np.bo
                 "keypoints; give the tracks that the model was made with"
             )
             raise ValueError(message)
-        registered[frame] = True
-    return registered
-
-
-def _has_point(model: pycolmap.Reconstruction, tracks: Tracks) -> NDArray[np.bool_]:
-    """(T,) tracks with an observation that belongs to a point of the model."""
-    has_point = np.zeros(len(tracks), np.bool_)
-    for image_id in model.reg_image_ids():
-        numbers = model.image(image_id).get_observation_point2D_idxs()
-        observed = tracks.observations(image_id - 1)[np.asarray(numbers, np.int64)]
-        has_point[tracks.track_index[observed]] = True
-    return has_point
 
 
 def _estimation(options: DensifyOptions) -> pycolmap.EstimateTriangulationOptions:

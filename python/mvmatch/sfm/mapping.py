@@ -20,14 +20,19 @@ from typing import TYPE_CHECKING
 from mvmatch.errors import DataError
 from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
 from mvmatch.sfm.checks import ModelCheck, check_model
+from mvmatch.sfm.complete import complete
 from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
 from mvmatch.sfm.focal import estimate_focal
+from mvmatch.sfm.keyframes import select_keyframes
+from mvmatch.sfm.localize import Unregistered, unmapped
 from mvmatch.sfm.options import MapperOptions, global_options, incremental_options
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
 
     import pycolmap
+
+    from mvmatch.sfm.keyframes import KeyframeSelection
 
 _logger = logging.getLogger(__name__)
 
@@ -59,6 +64,10 @@ class ReconstructionResult:
     registered: int
     total: int
     """Images of the database."""
+    num_keyframes: int
+    """Images that were mapped; the others were registered to their map."""
+    unregistered: tuple[Unregistered, ...]
+    """Images that the accepted model lacks, and why; empty without one."""
     num_points: int
     mean_reprojection_error: float
     """px; NaN without a model."""
@@ -80,6 +89,10 @@ def reconstruct(
     The mapper starts from the image pair with the strongest parallax. Its model is compared with
     the relative motion that image pairs measure on their own; one that contradicts them is
     rejected however many images it registered, and the mapper starts again elsewhere.
+
+    Of a long video only key frames are mapped and checked (``options.keyframes``). All other images
+    are then registered to their map, and everything is adjusted together: the cost is linear in the
+    number of images.
 
     Parameters
     ----------
@@ -108,17 +121,29 @@ def reconstruct(
         # A copy: even reading changes a database, and refined cameras are written into it.
         copy = Path(folder) / "database.db"
         shutil.copyfile(database, copy)
-        evidence = read_evidence(copy)
+        selection = select_keyframes(copy, options.keyframes)
+        mapped = copy if selection is None else Path(folder) / "keyframes.db"
+        if selection is not None:
+            selection.write_database(copy, mapped)
+        evidence = read_evidence(mapped)
         hopeless = _hopeless(evidence)
         if hopeless is not None:
-            return _result(None, None, evidence, [], (hopeless,))
-        run = _Run(copy, Path(folder), options, evidence)
+            return _result(None, None, evidence, selection, reasons=(hopeless,))
+        run = _Run(mapped, Path(folder), options, evidence)
         model, check = run.best()
-        if model is not None and check is not None and check.accepted:
-            result = _result(model, check, evidence, run.attempts, ())
-            return dataclasses.replace(result, accepted=True, path=write_model(model, out))
-    reasons = check.reasons if check is not None else ("the mapper made no model",)
-    return _result(model, check, evidence, run.attempts, reasons)
+        if model is None or check is None:
+            reasons = ("the mapper made no model",)
+            return _result(None, None, evidence, selection, attempts=run.attempts, reasons=reasons)
+        unregistered = unmapped(model, mapped)
+        if check.accepted and selection is not None:
+            unregistered = complete(model, copy, selection, options)
+            check = run.checked(model, num_images=selection.num_images)
+        result = _result(
+            model, check, evidence, selection, attempts=run.attempts, reasons=check.reasons
+        )
+        if not result.accepted:
+            return result
+        return dataclasses.replace(result, unregistered=unregistered, path=write_model(model, out))
 
 
 class _Run:
@@ -145,7 +170,7 @@ class _Run:
             model = self._map(mapper, initial)
             if model is not None:
                 model = self._adjusted(model, mapper, initial)
-            check = self._checked(model)
+            check = None if model is None else self.checked(model)
             reasons = ("the mapper made no model",) if check is None else check.reasons
             images = None if initial is None else (initial.image0, initial.image1)
             self.attempts.append(
@@ -273,13 +298,16 @@ class _Run:
             for camera in model.cameras.values():
                 database.update_camera(camera)
 
-    def _checked(self, model: pycolmap.Reconstruction | None) -> ModelCheck | None:
-        if model is None:
-            return None
+    def checked(
+        self, model: pycolmap.Reconstruction, *, num_images: int | None = None
+    ) -> ModelCheck:
+        """Check a model that holds the images of the database, or ``num_images`` with others."""
         evidence, cameras = self._evidence, dict(model.cameras)
         if cameras != evidence.cameras:
             # Pairs measured with the old camera contradict what the new one put right.
             evidence = read_evidence(self._database, cameras=cameras)
+        if num_images is not None:
+            evidence = dataclasses.replace(evidence, num_images=num_images)
         return check_model(model, evidence, self._options.acceptance)
 
 
@@ -308,17 +336,21 @@ def _result(
     model: pycolmap.Reconstruction | None,
     check: ModelCheck | None,
     evidence: Evidence,
-    attempts: list[Attempt],
+    selection: KeyframeSelection | None,
+    *,
+    attempts: Sequence[Attempt] = (),
     reasons: tuple[str, ...],
 ) -> ReconstructionResult:
     return ReconstructionResult(
         reconstruction=model,
         registered=0 if check is None else check.registered,
-        total=evidence.num_images,
+        total=evidence.num_images if selection is None else selection.num_images,
+        num_keyframes=evidence.num_images,
+        unregistered=(),
         num_points=0 if check is None else check.num_points,
         mean_reprojection_error=math.nan if check is None else check.mean_reprojection_error,
         mean_track_length=0.0 if check is None else check.mean_track_length,
-        accepted=False,
+        accepted=not reasons,
         reasons=reasons,
         attempts=tuple(attempts),
         path=None,

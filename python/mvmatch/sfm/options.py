@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from mvmatch.sfm.checks import AcceptanceOptions
+from mvmatch.sfm.keyframes import KeyframeOptions
+from mvmatch.sfm.localize import LocalizeOptions
 
 if TYPE_CHECKING:
     import pycolmap
@@ -43,6 +45,10 @@ class MapperOptions:
     """Try the other mapper when every attempt of the first was rejected."""
     seed: int = 0
     """Of every random choice; the mappers run on one thread so that results repeat."""
+    keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
+    """Which images of a long video are mapped."""
+    localize: LocalizeOptions = field(default_factory=LocalizeOptions)
+    """When one of the others gets a pose."""
     acceptance: AcceptanceOptions = field(default_factory=AcceptanceOptions)
     """What a model must keep."""
 
