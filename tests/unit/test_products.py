@@ -17,7 +17,14 @@ from mvmatch.errors import BitstreamError, LimitError
 from mvmatch.export.colmap import DatabaseSummary
 from mvmatch.matching import Match, match_video
 from mvmatch.overlays import Overlays
-from mvmatch.sfm import Attempt, Diagnosis, Finding, ModelCheck, ReconstructionResult
+from mvmatch.sfm import (
+    Attempt,
+    Diagnosis,
+    Finding,
+    ModelCheck,
+    ReconstructionResult,
+    Unregistered,
+)
 from mvmatch.sources import Skipped
 from mvmatch.tracks import TrackOptions
 from mvmatch.types import Tracks, TwoViewScore
@@ -159,6 +166,8 @@ def test_a_result_without_a_model_keeps_its_attempts(tmp_path: Path) -> None:
         reconstruction=None,
         registered=0,
         total=9,
+        num_keyframes=9,
+        unregistered=(Unregistered(image_id=3, name="c.png", reason="few points"),),
         num_points=0,
         mean_reprojection_error=float("nan"),
         mean_track_length=0.0,

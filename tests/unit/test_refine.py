@@ -224,15 +224,18 @@ def test_images_are_read_in_natural_order(tmp_path: Path) -> None:
     assert all(a < b for a, b in pairwise(means))
 
 
-def test_tracks_of_a_video_agree_better_with_its_geometry_when_refined(data: Path) -> None:
+def test_refined_tracks_have_drifted_less_over_ten_frames(data: Path) -> None:
     scene = synthetic_drive(20, (352, 200))  # what drive.ivf shows
     match = match_video(data / "drive.ivf")
-    errors = []
+    medians = []
     for each in (match, refine_match(match, data / "drive.ivf")):
-        pair = each.tracks.between(4, 9)
-        target, visible = scene.transfer(4, 9, pair.xy0)
-        errors.append(np.median(np.linalg.norm(pair.xy1 - target, axis=1)[visible]))
-    assert errors[1] < 0.9 * errors[0]
+        errors = []
+        for frame in range(10):
+            pair = each.tracks.between(frame, frame + 10)
+            target, visible = scene.transfer(frame, frame + 10, pair.xy0)
+            errors.append(np.linalg.norm(pair.xy1 - target, axis=1)[visible])
+        medians.append(np.median(np.concatenate(errors)))
+    assert medians[1] < 0.85 * medians[0]
 
 
 def test_pictures_of_something_else_are_refused(data: Path) -> None:
