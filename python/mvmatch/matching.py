@@ -243,7 +243,7 @@ def bridge_match(
         The pictures cannot be decoded, or have another size than the video.
     """
     bridge = bridge_tracks(
-        _pictures(match, pictures, stage_progress(progress, "bridge")),
+        lambda: _pictures(match, pictures, stage_progress(progress, "bridge")),
         match.tracks,
         camera,
         num_frames=match.num_frames,

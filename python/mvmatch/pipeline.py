@@ -293,7 +293,7 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
 
 def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
     match, model, tracks, options = run.match, run.model, state.tracks, state.options
-    after = tracks.adjacency(match.num_frames, max_gap=options.track.max_gap)
+    after = tracks.adjacency(match.num_frames, max_gap=state.max_gap)
     lengths = np.diff(tracks.offsets)
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),

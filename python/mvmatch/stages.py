@@ -103,6 +103,14 @@ class State:
             return self.match.tracks
         return self.match.tracks.select(self.weights >= self.options.movers.min_weight)
 
+    @property
+    def max_gap(self) -> int | None:
+        """Largest distance of matched frames; where gaps were bridged, it spans the widest."""
+        max_gap = self.options.track.max_gap
+        if max_gap is None or not self.match.bridged:
+            return max_gap
+        return max(max_gap, 2 * self.options.bridge.far_reach - 1)
+
     def tell(self, stage: str) -> None:
         """Say that a stage begins that does not say how far it is."""
         if self.progress is not None:
@@ -276,7 +284,7 @@ def make_database(state: State, folder: Path) -> Facts:
         camera=state.choice.camera,
         image_names=state.image_names,
         verification=state.options.verification,
-        max_gap=state.options.track.max_gap,
+        max_gap=state.max_gap,
         further=state.match.further,
     )
     return dataclasses.asdict(summary)

@@ -63,7 +63,11 @@ def test_a_gap_is_where_few_tracks_go_on() -> None:
 def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> None:
     tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
     bridge = bridge_tracks(
-        decoded(pictures), tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+        lambda: decoded(pictures),
+        tracks,
+        CAMERA,
+        num_frames=6,
+        options=BridgeOptions(min_tracks=20),
     )
     assert bridge.gaps == bridge.bridged == (2,)
     across = bridge.tracks.between(2, 3)
@@ -76,7 +80,7 @@ def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:
     tracks = moving(range(6), 30)
     for options in (BridgeOptions(min_tracks=20), BridgeOptions(matcher="none", min_tracks=99)):
-        bridge = bridge_tracks(iter(()), tracks, CAMERA, num_frames=6, options=options)
+        bridge = bridge_tracks(lambda: iter(()), tracks, CAMERA, num_frames=6, options=options)
         assert (len(bridge.tracks), bridge.gaps) == (0, ())
 
 
@@ -94,7 +98,11 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
             )
     tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
     bridge = bridge_tracks(
-        decoded(tmp_path), tracks, CAMERA, num_frames=6, options=BridgeOptions(min_tracks=20)
+        lambda: decoded(tmp_path),
+        tracks,
+        CAMERA,
+        num_frames=6,
+        options=BridgeOptions(min_tracks=20),
     )
     assert (bridge.gaps, bridge.bridged) == ((2,), ())
 
@@ -102,7 +110,7 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
 def test_a_matcher_that_is_not_there_is_named(pictures: Path) -> None:
     with pytest.raises(UnsupportedError, match="aliked"):
         bridge_tracks(
-            decoded(pictures),
+            lambda: decoded(pictures),
             moving(range(6), 1),
             CAMERA,
             num_frames=6,

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch.bridge.descriptors import DescriptorMatcher
-from mvmatch.geometry.two_view import fit_pair
+from mvmatch.bridge.links import Links
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     import pycolmap
     from numpy.typing import NDArray
@@ -60,7 +60,7 @@ def find_gaps(tracks: Tracks, num_frames: int, *, min_tracks: int) -> tuple[int,
 
 
 def bridge_tracks(
-    pictures: Iterable[NDArray[np.uint8]],
+    pictures: Callable[[], Iterable[NDArray[np.uint8]]],
     tracks: Tracks,
     camera: pycolmap.Camera,
     *,
@@ -71,8 +71,9 @@ def bridge_tracks(
 
     Parameters
     ----------
-    pictures : iterable of (H, W) uint8
-        Grey values in display order; read up to the last picture around a gap, or not at all.
+    pictures : callable
+        Gives the pictures from the first one on, (H, W) uint8 grey values in display order; they
+        are read up to the last one around a gap, again where a gap stays, or not at all.
     tracks : Tracks
         Of its motion vectors.
     camera : pycolmap.Camera
@@ -97,31 +98,40 @@ def bridge_tracks(
     gaps = find_gaps(tracks, num_frames, min_tracks=options.min_tracks)
     if not gaps:
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
-    matcher = DescriptorMatcher(options)
-    around = {
-        frame
-        for gap in gaps
-        for frame in range(max(0, gap + 1 - options.reach), gap + 1 + options.reach)
-    }
-    links = _Links()
+    matcher, links = DescriptorMatcher(options, camera), Links()
+
+    def still_open() -> tuple[int, ...]:
+        crossing = _crossings(links.tracks(), num_frames)
+        return tuple(gap for gap in gaps if crossing[gap] < options.min_inliers)
+
+    left = gaps
+    for reach in (options.reach, options.far_reach):
+        if left:
+            _match_around(left, reach, islice(pictures(), num_frames), matcher, links)
+            left = still_open()
+    bridged = tuple(gap for gap in gaps if gap not in left)
+    return Bridge(tracks=links.tracks(), gaps=gaps, bridged=bridged)
+
+
+def _match_around(
+    gaps: Sequence[int],
+    reach: int,
+    pictures: Iterable[NDArray[np.uint8]],
+    matcher: DescriptorMatcher,
+    links: Links,
+) -> None:
+    """Match the pictures around each gap with each other."""
+    around = {frame for gap in gaps for frame in range(gap + 1 - reach, gap + 1 + reach)}
     earlier: dict[int, Features] = {}
-    for frame, luma in enumerate(islice(pictures, min(num_frames, max(around) + 1))):
+    for frame, luma in enumerate(islice(pictures, max(around) + 1)):
         if frame not in around:
             continue
         features = matcher.extract(luma)
-        for other in _partners(frame, gaps, options.reach):
+        for other in _partners(frame, gaps, reach):
             matches = matcher.match(earlier[other], features)
-            points = earlier[other].xy[matches[:, 0]], features.xy[matches[:, 1]]
-            fit = fit_pair(*points, camera, camera, frames=(other, frame), options=options.ransac)
-            if np.count_nonzero(fit.inliers) >= options.min_inliers:
-                links.add(other, matches[fit.inliers])
-        links.close(frame, features.xy)
+            links.add((other, earlier[other].xy), (frame, features.xy), matches)
         earlier[frame] = features
-        earlier = {key: value for key, value in earlier.items() if key > frame - 2 * options.reach}
-    found = links.tracks()
-    crossing = _crossings(found, num_frames)
-    bridged = tuple(gap for gap in gaps if crossing[gap] >= options.min_inliers)
-    return Bridge(tracks=found, gaps=gaps, bridged=bridged)
+        earlier = {key: value for key, value in earlier.items() if key > frame - 2 * reach}
 
 
 def _crossings(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
@@ -137,39 +147,3 @@ def _partners(frame: int, gaps: Sequence[int], reach: int) -> list[int]:
     near = [gap for gap in gaps if gap + 1 - reach <= frame <= gap + reach]
     first = max(0, min((gap + 1 - reach for gap in near), default=frame))
     return list(range(frame - 1, first - 1, -1))
-
-
-class _Links:
-    """Matches that grow into tracks, picture by picture."""
-
-    def __init__(self) -> None:
-        self._points: list[list[tuple[int, float, float]]] = []
-        self._track_of: dict[tuple[int, int], int] = {}
-        self._pending: list[tuple[int, int, int]] = []
-        self._xy: dict[int, NDArray[np.float32]] = {}
-
-    def add(self, other: int, matches: NDArray[np.uint32]) -> None:
-        """Take note of features of an earlier picture found again; the first note counts most."""
-        self._pending += [(other, int(first), int(second)) for first, second in matches.tolist()]
-
-    def close(self, frame: int, xy: NDArray[np.float32]) -> None:
-        """Extend tracks by the features of a picture, or start them, each feature once."""
-        self._xy[frame] = xy
-        taken: set[int] = set()
-        for other, first, second in self._pending:
-            if (frame, second) in self._track_of:
-                continue
-            track = self._track_of.get((other, first))
-            if track is None:
-                track = len(self._points)
-                self._points.append([(other, *self._xy[other][first].tolist())])
-                self._track_of[other, first] = track
-            if track in taken:
-                continue
-            taken.add(track)
-            self._points[track].append((frame, *xy[second].tolist()))
-            self._track_of[frame, second] = track
-        self._pending.clear()
-
-    def tracks(self) -> Tracks:
-        return Tracks.from_lists(*(points for points in self._points if len(points) > 1))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch.errors import UnsupportedError
+from mvmatch.geometry.two_view import fit_pair
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -41,9 +42,10 @@ class DescriptorMatcher:
         The matcher does not work with the installed pycolmap.
     """
 
-    def __init__(self, options: BridgeOptions) -> None:
+    def __init__(self, options: BridgeOptions, camera: pycolmap.Camera) -> None:
         import pycolmap
 
+        self._options, self._camera = options, camera
         sift = options.matcher == "sift"
         extractors, matchers = pycolmap.FeatureExtractorType, pycolmap.FeatureMatcherType
         extraction = pycolmap.FeatureExtractionOptions(
@@ -78,10 +80,14 @@ class DescriptorMatcher:
         return Features(xy=xy, keypoints=keypoints, descriptors=descriptors)
 
     def match(self, first: Features, second: Features) -> NDArray[np.uint32]:
-        """(M, 2) numbers of features that match."""
-        return self._matcher.match(
+        """(M, 2) numbers of features that match and keep to a camera motion; none if few do."""
+        matches = self._matcher.match(
             first.keypoints, first.descriptors, second.keypoints, second.descriptors
         )
+        points = first.xy[matches[:, 0]], second.xy[matches[:, 1]]
+        fit = fit_pair(*points, self._camera, self._camera, options=self._options.ransac)
+        inliers = matches[fit.inliers]
+        return inliers if len(inliers) >= self._options.min_inliers else inliers[:0]
 
 
 @contextlib.contextmanager

@@ -21,16 +21,18 @@ class BridgeOptions:
     reach: int = 3
     """Pictures on each side of a gap that are matched with each other: points have to be seen from
     two of one side before they can tell where a picture of the other side was taken."""
+    far_reach: int = 8
+    """The same where that was not enough: a blurred or turned-away stretch lies between."""
     max_num_features: int = 1500
     """Per picture."""
-    min_inliers: int = 40
-    """Matches of a pair that keep to its essential matrix; fewer can be chance: two streets have
-    the same kerbs."""
+    min_inliers: int = 30
+    """Matches of a pair that keep to its essential matrix. Fewer can be chance, and the mapper
+    registers no image on fewer."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
     """Of the essential matrix that matches of a pair have to keep."""
 
     def __post_init__(self) -> None:
-        for name in ("min_tracks", "reach", "max_num_features", "min_inliers"):
+        for name in ("min_tracks", "reach", "far_reach", "max_num_features", "min_inliers"):
             if getattr(self, name) < 1:
                 message = f"{name} is {getattr(self, name)}; it must be at least 1"
                 raise ValueError(message)
