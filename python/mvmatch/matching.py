@@ -63,7 +63,7 @@ class Match:
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
     gaps: tuple[int, ...] = ()
-    """Pictures after which so few tracks went on that descriptors were asked
+    """Pictures after which the scene jumps or so few tracks went on that descriptors were asked
     (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""
     bridged: tuple[int, ...] = ()
     """Those of them that descriptors bridged."""
@@ -248,6 +248,7 @@ def bridge_match(
         camera,
         num_frames=match.num_frames,
         options=options,
+        jumps=match.footage.jumps,
     )
     return dataclasses.replace(
         match,

@@ -243,7 +243,8 @@ def has_gaps(state: State) -> bool:
     options, match = state.options.bridge, state.match
     if options.matcher == "none" or match.skipped or is_table(state.source):
         return False
-    return bool(find_gaps(match.tracks, match.num_frames, min_tracks=options.min_tracks))
+    few = find_gaps(match.tracks, match.num_frames, min_tracks=options.min_tracks)
+    return bool(few or match.footage.jumps)
 
 
 def bridge_depends(state: State) -> Any:

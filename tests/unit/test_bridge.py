@@ -58,6 +58,7 @@ def test_a_gap_is_where_few_tracks_go_on() -> None:
     assert find_gaps(tracks, 6, min_tracks=2) == ()
     assert find_gaps(tracks, 8, min_tracks=3) == (2, 5, 6)
     assert find_gaps(Tracks.from_lists(), 3, min_tracks=1) == (0, 1)
+    assert find_gaps(tracks, 6, min_tracks=3, jumps=(1, 3)) == (0, 2)
 
 
 def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> None:

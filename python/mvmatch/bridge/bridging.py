@@ -18,7 +18,7 @@ from mvmatch.bridge.links import Links
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
 
     import pycolmap
     from numpy.typing import NDArray
@@ -34,13 +34,15 @@ class Bridge:
     tracks: Tracks
     """px; they are matched and mapped as all others."""
     gaps: tuple[int, ...]
-    """Frames after which too few tracks went on."""
+    """Frames after which the scene jumps or too few tracks went on."""
     bridged: tuple[int, ...]
     """Those of them that enough tracks of matches cross now."""
 
 
-def find_gaps(tracks: Tracks, num_frames: int, *, min_tracks: int) -> tuple[int, ...]:
-    """Find the pictures after which fewer than ``min_tracks`` tracks go on.
+def find_gaps(
+    tracks: Tracks, num_frames: int, *, min_tracks: int, jumps: Collection[int] = ()
+) -> tuple[int, ...]:
+    """Find the pictures after which the scene jumps or fewer than ``min_tracks`` tracks go on.
 
     Parameters
     ----------
@@ -50,13 +52,17 @@ def find_gaps(tracks: Tracks, num_frames: int, *, min_tracks: int) -> tuple[int,
         Its pictures.
     min_tracks : int
         Tracks with an observation at or before a picture and another one after it.
+    jumps : collection of int, optional
+        Pictures before which a piece of the scene is missing (:class:`mvmatch.footage.Footage`):
+        many of the tracks into them are wrong.
 
     Returns
     -------
     tuple of int
         Display indices, rising; the last picture has none after it and is no gap.
     """
-    return tuple(np.flatnonzero(_crossings(tracks, num_frames) < min_tracks).tolist())
+    few = np.flatnonzero(_crossings(tracks, num_frames) < min_tracks).tolist()
+    return tuple(sorted({*few, *(jump - 1 for jump in jumps if 0 < jump < num_frames)}))
 
 
 def bridge_tracks(
@@ -66,6 +72,7 @@ def bridge_tracks(
     *,
     num_frames: int,
     options: BridgeOptions,
+    jumps: Collection[int] = (),
 ) -> Bridge:
     """Match pictures by descriptors where too few tracks go on.
 
@@ -82,6 +89,8 @@ def bridge_tracks(
         Pictures with tracks; later ones are not looked at.
     options : BridgeOptions
         What is a gap, and how far around it pictures are matched.
+    jumps : collection of int, optional
+        See :func:`find_gaps`.
 
     Returns
     -------
@@ -95,7 +104,7 @@ def bridge_tracks(
     """
     if options.matcher == "none":
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
-    gaps = find_gaps(tracks, num_frames, min_tracks=options.min_tracks)
+    gaps = find_gaps(tracks, num_frames, min_tracks=options.min_tracks, jumps=jumps)
     if not gaps:
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
     matcher, links = DescriptorMatcher(options, camera), Links()
