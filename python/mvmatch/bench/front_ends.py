@@ -15,6 +15,7 @@ from mvmatch.baselines import SiftOptions, match_sift, track_dis, track_klt
 from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.digests import code_digest
 from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
+from mvmatch.colmap_log import quiet_colmap
 from mvmatch.encode import EncodeOptions, encode_video
 from mvmatch.matching import match_video, refine_match
 from mvmatch.measure import StageClock
@@ -134,19 +135,13 @@ def sift_sequential(clip: Clip) -> FrontEndResult:
     time includes COLMAP's own verification, which cannot be left out; its matches are taken as they
     are before it.
     """
-    import pycolmap
-
     options = SiftOptions(overlap=MAX_GAP, quadratic_overlap=False)
     database = clip.scratch / f"sift-{code_digest(('baselines',))[:8]}.db"
     sidecar = database.with_suffix(".json")
     if not sidecar.is_file():
         clock = StageClock()
-        level, pycolmap.logging.minloglevel = pycolmap.logging.minloglevel, 3
-        try:
-            with clock.stage("match"):
-                match_sift(clip.images, database, camera=clip.camera, options=options)
-        finally:
-            pycolmap.logging.minloglevel = level
+        with quiet_colmap(), clock.stage("match"):
+            match_sift(clip.images, database, camera=clip.camera, options=options)
         sidecar.write_text(json.dumps({"match": clock.stages[0].cpu_s}), encoding="utf-8")
     return FrontEndResult(
         matches=KeypointMatches.from_database(database),

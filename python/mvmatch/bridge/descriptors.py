@@ -5,18 +5,16 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import UnsupportedError
 from mvmatch.geometry.two_view import fit_pair
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
     import pycolmap
     from numpy.typing import NDArray
 
@@ -63,7 +61,7 @@ class DescriptorMatcher:
         matching.use_gpu = False
         matching.sift.cpu_brute_force_matcher = True
         try:
-            with _quiet():
+            with quiet_colmap():
                 self._extractor = pycolmap.FeatureExtractor.create(extraction, pycolmap.Device.cpu)
                 self._matcher = pycolmap.FeatureMatcher.create(matching, pycolmap.Device.cpu)
         except RuntimeError as error:
@@ -88,16 +86,3 @@ class DescriptorMatcher:
         fit = fit_pair(*points, self._camera, self._camera, options=self._options.ransac)
         inliers = matches[fit.inliers]
         return inliers if len(inliers) >= self._options.min_inliers else inliers[:0]
-
-
-@contextlib.contextmanager
-def _quiet() -> Generator[None]:
-    """Keep COLMAP from writing to standard error that it makes something."""
-    import pycolmap
-
-    level = pycolmap.logging.minloglevel
-    pycolmap.logging.minloglevel = 3
-    try:
-        yield
-    finally:
-        pycolmap.logging.minloglevel = level

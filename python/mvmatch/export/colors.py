@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.colmap_log import quiet_colmap
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import DataError, cannot_write
 from mvmatch.export.files import make_folder
-from mvmatch.export.model import images_by_frame, quiet_colmap, registered_images
+from mvmatch.export.model import images_by_frame, registered_images
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import mmap
 import re
 import tempfile
@@ -14,12 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import DataError, cannot_write
 from mvmatch.export.files import make_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
-
     import pycolmap
 
 _FILES = ("cameras", "images", "points3D")
@@ -165,19 +163,6 @@ def write_text(model: pycolmap.Reconstruction, folder: Path) -> None:
             "Choose another folder"
         )
     _write(model, folder, text=True)
-
-
-@contextlib.contextmanager
-def quiet_colmap() -> Generator[None]:
-    """Keep COLMAP from writing to standard error."""
-    import pycolmap
-
-    level = pycolmap.logging.minloglevel
-    pycolmap.logging.minloglevel = 3
-    try:
-        yield
-    finally:
-        pycolmap.logging.minloglevel = level
 
 
 def _write(model: pycolmap.Reconstruction, folder: Path, *, text: bool) -> None:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import errno
 import logging
@@ -17,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import DataError
 from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
 from mvmatch.sfm.checks import ModelCheck, check_model
@@ -28,7 +28,7 @@ from mvmatch.sfm.localize import Unregistered, unmapped
 from mvmatch.sfm.options import MapperOptions, global_options, incremental_options
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     import pycolmap
 
@@ -117,7 +117,7 @@ def reconstruct(
     """
     options = options or MapperOptions()
     _check_database(database)
-    with tempfile.TemporaryDirectory(prefix="mvmatch-sfm-") as folder, _quiet():
+    with tempfile.TemporaryDirectory(prefix="mvmatch-sfm-") as folder, quiet_colmap():
         # A copy: even reading changes a database, and refined cameras are written into it.
         copy = Path(folder) / "database.db"
         shutil.copyfile(database, copy)
@@ -401,16 +401,3 @@ def _check_database(path: Path) -> None:
         magic = file.read(16)
     if magic != b"SQLite format 3\0":
         raise DataError(f"{path} is not a COLMAP database (not an SQLite file)")
-
-
-@contextlib.contextmanager
-def _quiet() -> Generator[None]:
-    """Keep COLMAP from writing to standard error: what matters comes back in the result."""
-    import pycolmap
-
-    level = pycolmap.logging.minloglevel
-    pycolmap.logging.minloglevel = 3
-    try:
-        yield
-    finally:
-        pycolmap.logging.minloglevel = level
