@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mvmatch import outputs, stages
+from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
+from mvmatch.encode.frames import open_frames
 from mvmatch.errors import NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
@@ -202,6 +204,7 @@ def reconstruct_video(
         masks=masks,
         progress=progress,
     )
+    _check_camera(state)
     return _run(state, out, fresh=fresh)
 
 
@@ -231,6 +234,19 @@ def _has_to_encode(source: Path, options: RunOptions, *, reencode: bool) -> bool
             return False
     except NotAv1Error:
         return True  # any video that FFmpeg decodes can be encoded
+
+
+def _check_camera(state: State) -> None:
+    """Look at the camera that was given before minutes are spent on the video."""
+    if state.camera is None:
+        return
+    if state.has_to_encode:
+        frames = open_frames(state.source, frame_rate=30.0, max_frames=None)
+        size = frames.width, frames.height
+    else:
+        with open_source(state.source, state.options.read) as opened:
+            size = opened.info.width, opened.info.height
+    parse_camera(state.camera, *size, pictures=state.source)
 
 
 def _run_stages(state: State, work: Work) -> tuple[dict[str, Product], tuple[str, ...]]:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
+from mvmatch.errors import DataError
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.matching import match_video
+from mvmatch.pipeline import reconstruct_video
 from mvmatch.sources import open_video
 from mvmatch.store import StoredMotion
 from mvmatch.testing import check_source
@@ -156,3 +158,17 @@ def test_a_dense_run_has_the_poses_of_a_default_run_and_many_more_points(
     for image_id in models["default"].reg_image_ids():
         poses = [each.image(image_id).cam_from_world().matrix() for each in models.values()]
         np.testing.assert_array_equal(*poses)
+
+
+def test_a_camera_that_nobody_can_read_is_refused_before_anything_is_done(
+    data: Path, tmp_path: Path
+) -> None:
+    stages: list[str] = []
+    with pytest.raises(DataError, match="nonsense"):
+        reconstruct_video(
+            data / "drive.ivf",
+            tmp_path / "out",
+            camera="nonsense",
+            progress=lambda stage, _done, _total: stages.append(stage),
+        )
+    assert stages == []
