@@ -57,6 +57,20 @@ class RunOptions:
     densify: DensifyOptions = field(default_factory=DensifyOptions)
     """Further tracks (``track.fill``) to points of the finished model."""
 
+    @classmethod
+    def preset(cls, name: str) -> RunOptions:
+        """Return the options that go with a preset of tracking.
+
+        ``paper`` has vectors alone: it bridges no gaps.
+
+        Raises
+        ------
+        ValueError
+            There is no such preset (:meth:`mvmatch.tracks.TrackOptions.preset`).
+        """
+        bridge = BridgeOptions(matcher="none") if name == "paper" else BridgeOptions()
+        return cls(track=TrackOptions.preset(name), bridge=bridge)
+
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:
     """Read a TOML file over ``base``.

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mvmatch.baselines import SiftOptions, match_sift, track_dis, track_klt
 from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.digests import code_digest
 from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
+from mvmatch.bridge import BridgeOptions
 from mvmatch.colmap_log import quiet_colmap
+from mvmatch.config import RunOptions
 from mvmatch.encode import EncodeOptions, encode_video
-from mvmatch.matching import match_video, refine_match
+from mvmatch.matching import bridge_match, match_video, refine_match
 from mvmatch.measure import StageClock
 from mvmatch.refine import RefineOptions
 from mvmatch.sources import ReadOptions
@@ -67,6 +69,7 @@ class Vectors:
     encode: EncodeOptions
     track: TrackOptions
     refine: RefineOptions | None = None
+    bridge: BridgeOptions = field(default_factory=BridgeOptions)
 
     def __call__(self, clip: Clip) -> FrontEndResult:
         """Encode the frames unless it was done, and chain their vectors."""
@@ -78,6 +81,8 @@ class Vectors:
             require_opencv().setNumThreads(1)
             with clock.stage("refine"):
                 match = refine_match(match, clip.images, options=self.refine)
+        with clock.stage("bridge"):
+            match = bridge_match(match, clip.images, clip.camera, options=self.bridge)
         cost = {stage.name: stage.cpu_s for stage in clock.stages}
         return FrontEndResult(
             matches=TrackMatches(match.tracks, match.further if len(match.further) else None),
@@ -150,6 +155,11 @@ def sift_sequential(clip: Clip) -> FrontEndResult:
     )
 
 
+def _preset(encode: EncodeOptions, name: str) -> Vectors:
+    options = RunOptions.preset(name)
+    return Vectors(encode=encode, track=options.track, bridge=options.bridge)
+
+
 ENCODERS = {
     "svt": EncodeOptions(encoder="svt"),
     "libaom-rt": EncodeOptions(encoder="libaom", usage="realtime"),
@@ -175,7 +185,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
 
 FRONT_ENDS: dict[str, FrontEnd] = {
     **{
-        f"{encoder}-{preset}": Vectors(encode=options, track=TrackOptions.preset(preset))
+        f"{encoder}-{preset}": _preset(options, preset)
         for encoder, options in ENCODERS.items()
         for preset in PRESETS
     },
@@ -194,6 +204,7 @@ FRONT_ENDS: dict[str, FrontEnd] = {
 SOURCES: dict[str, tuple[str, ...]] = {
     "vectors": (
         "_core",
+        "bridge",
         "batches",
         "cells",
         "confidence",

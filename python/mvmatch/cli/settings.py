@@ -11,7 +11,6 @@ from cyclopts import Parameter, validators
 
 from mvmatch.config import RunOptions, from_mapping, load_options
 from mvmatch.errors import DataError
-from mvmatch.tracks import TrackOptions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +59,7 @@ class Settings:
 
     def options(self) -> RunOptions:
         """Return the options of all stages."""
-        options = RunOptions(track=TrackOptions.preset(self.preset))
+        options = RunOptions.preset(self.preset)
         if self.config is not None:
             options = load_options(self.config, options)
         options = apply_assignments(self.set, options)
