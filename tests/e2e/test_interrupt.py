@@ -39,6 +39,8 @@ parser = _core.Av1Parser(limits=limits)
 '''
 
 LOOP = """
+# A shell starts what runs in its background with the signal ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 print("reading", flush=True)
 while True:
     parser.push(unit)
