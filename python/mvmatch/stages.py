@@ -243,8 +243,13 @@ def has_gaps(state: State) -> bool:
     options, match = state.options.bridge, state.match
     if options.matcher == "none" or match.skipped or is_table(state.source):
         return False
-    few = find_gaps(match.tracks, match.num_frames, min_tracks=options.min_tracks)
-    return bool(few or match.footage.jumps)
+    gaps = find_gaps(
+        match.tracks,
+        match.num_frames,
+        min_tracks=options.min_tracks,
+        jumps=match.footage.jumps,
+    )
+    return bool(gaps)
 
 
 def bridge_depends(state: State) -> Any:
