@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
+from mvmatch.demo import _write_png
 from mvmatch.errors import DataError
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.matching import match_video
 from mvmatch.pipeline import reconstruct_video
 from mvmatch.sources import open_video
 from mvmatch.store import StoredMotion
-from mvmatch.testing import check_source
+from mvmatch.testing import check_source, synthetic_drive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -172,3 +173,19 @@ def test_a_camera_that_nobody_can_read_is_refused_before_anything_is_done(
             progress=lambda stage, _done, _total: stages.append(stage),
         )
     assert stages == []
+
+
+def test_a_gap_is_bridged_and_the_bridge_is_kept(tmp_path: Path) -> None:
+    images = tmp_path / "images"
+    images.mkdir()
+    scene = synthetic_drive(28, (320, 180))
+    for index, frame in enumerate([*range(10), *range(18, 28)]):
+        _write_png(images / f"{index:03d}.png", scene.render(frame))
+    K = scene.K
+    camera = f"PINHOLE,{K[0, 0]},{K[1, 1]},{K[0, 2]},{K[1, 2]}"
+    run, again = (reconstruct_video(images, tmp_path / "out", camera=camera) for _ in range(2))
+    assert run.data["gaps"] == {"after": [9], "bridged": [9]}
+    assert (run.model.accepted, run.model.registered) == (True, 20)
+    assert "bridge gaps" in again.reused
+    assert again.data["gaps"] == run.data["gaps"]
+    assert np.array_equal(again.match.tracks.xy, run.match.tracks.xy)

@@ -163,6 +163,13 @@ def test_matches_of_keypoints_that_are_not_there_are_refused(tmp_path):
         read_image_tracks(path)
 
 
+def test_a_long_video_without_a_single_match_gives_no_model_and_says_why(tmp_path):
+    path = write(moving([0.0, 1.0]), tmp_path / "database.db", 70)
+    result = reconstruct(path, tmp_path / "sfm")
+    assert not result.accepted
+    assert result.reasons == ("no image pair has enough verified matches",)
+
+
 def test_short_sequences_and_matches_across_the_whole_are_mapped_as_they_are(tmp_path):
     near = write(corridor(40), tmp_path / "near.db", 40)
     far = write(corridor(40), tmp_path / "far.db", 40, max_gap=None)

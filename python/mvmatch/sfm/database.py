@@ -223,7 +223,8 @@ class _Joiner:
     def observations(self) -> _Observations:
         """Return what was joined; labels that no second keypoint carries are left out."""
         counts = np.bincount(self._label[self._label >= 0], minlength=self._num_labels)
-        place = np.flatnonzero((self._label >= 0) & (counts[self._label] >= 2))
+        place = np.flatnonzero(self._label >= 0)
+        place = place[counts[self._label[place]] >= 2]
         # Places rise with the frame: a stable sort by label leaves each track in order.
         place = place[np.argsort(self._label[place], kind="stable")]
         frame = np.searchsorted(self._starts, place, side="right") - 1
