@@ -43,8 +43,8 @@ class CloudOptions:
     thresholds: tuple[float, ...] = (0.002, 0.005, 0.01, 0.02, 0.05)
     """Of precision and recall."""
     spacing: float = 0.005
-    """Side of the cubes with one sample of the surface each: half the middle threshold, as
-    Tanks and Temples do."""
+    """Side of the cubes with one sample of the surface each: half the middle threshold, as in the
+    tool of Tanks and Temples."""
     views: int = 20
     """Most frames, evenly spread, from which the surface is sampled."""
     rays: int = 20_000

@@ -9,7 +9,8 @@ References
 Schöps et al., "A multi-view stereo benchmark with high-resolution images and multi-camera videos"
 (ETH3D), CVPR 2017: accuracy, completeness and F1 at a tolerance, evenly over space.
 Knapitsch et al., "Tanks and Temples: benchmarking large-scale scene reconstruction", ACM ToG 2017:
-precision, recall and F-score at a threshold, on samples made even by a grid of cubes.
+precision, recall and F-score at a threshold, on samples made even by a grid of cubes. Both thin
+the cloud as well; here each of its points counts.
 """
 
 # libigl and SciPy carry incomplete types.
