@@ -232,8 +232,10 @@ def cloud_distance(
     xyz = xyz[np.isfinite(xyz).all(axis=1)]
     if not len(xyz):
         return np.full(len(wanted), np.inf)
+    # Split in the middle, which builds faster than at the median; the distances are the same.
+    tree = KDTree(xyz, balanced_tree=False, compact_nodes=False)
     # SciPy looks for less than its bound, not for as much.
-    found = KDTree(xyz).query(wanted, distance_upper_bound=1.001 * at_most)[0]
+    found = tree.query(wanted, distance_upper_bound=1.001 * at_most)[0]
     return np.asarray(found, np.float64)
 
 
