@@ -144,14 +144,50 @@ class RenderedTruth:
         _, directions = self._rays(frame0, points)
         in_cam = np.where(sky[:, None], directions, moved - pose[:, 3]) @ pose[:, :3]
         target = self._project(in_cam)
-        visible = inside(target, self.size)
+        visible = self._sees(frame1, target, np.where(sky, np.inf, in_cam[:, 2]))
+        return Targets(xy=target, visible=visible, moving=~sky & ~same[owner])
+
+    @property
+    def still(self) -> NDArray[np.bool_]:
+        """(O,) objects that never move."""
+        return (self.world_from_object == self.world_from_object[:1]).all(axis=(0, 2, 3))
+
+    def still_triangles(self) -> NDArray[np.float64]:
+        """(S, 3, 3) triangles of what never moves, world, m."""
+        return self._scene(0)[1][self.still[self.triangle_object]]
+
+    def surface(
+        self, frame: int, xy: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Find what is seen at (N, 2) points of a frame, px.
+
+        Returns
+        -------
+        tuple
+            World points (N, 3), m, NaN in the sky; depths (N,), m, infinite in the sky; and
+            whether each lies on something that never moves (N,).
+        """
+        triangle, surface, depth = self._cast(frame, np.asarray(xy, np.float64).reshape(-1, 2))
+        hit = triangle >= 0
+        return surface, depth, hit & self.still[self.triangle_object[np.maximum(triangle, 0)]]
+
+    def sees(self, frame: int, points: ArrayLike) -> NDArray[np.bool_]:
+        """Mark (N, 3) points of the world, m, inside the picture of a frame and not hidden."""
+        pose = self.world_from_cam[frame]
+        in_cam = (np.asarray(points, np.float64).reshape(-1, 3) - pose[:, 3]) @ pose[:, :3]
+        return self._sees(frame, self._project(in_cam), in_cam[:, 2])
+
+    def _sees(
+        self, frame: int, xy: NDArray[np.float64], depth: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Mark projections (N, 2) inside the picture that nothing nearer than (N,) depth hides."""
+        visible = inside(xy, self.size)
         (rows,) = np.nonzero(visible)
         if len(rows):
-            seen = self._cast(frame1, target[rows])[2]
-            expected = np.where(sky[rows], np.inf, in_cam[rows, 2])
-            nearest = expected * (1 - RELATIVE_TOLERANCE) - ABSOLUTE_TOLERANCE
-            visible[rows] = np.where(sky[rows], np.isinf(seen), seen >= nearest)
-        return Targets(xy=target, visible=visible, moving=~sky & ~same[owner])
+            seen = self._cast(frame, xy[rows])[2]
+            nearest = depth[rows] * (1 - RELATIVE_TOLERANCE) - ABSOLUTE_TOLERANCE
+            visible[rows] = seen >= nearest
+        return visible
 
     def _rays(
         self, frame: int, xy: NDArray[np.float64]

@@ -82,6 +82,51 @@ def align_similarity(source: ArrayLike, target: ArrayLike) -> Similarity:
     )
 
 
+def align_cameras(
+    world_from_cam: ArrayLike, reference: ArrayLike, *, distance: float
+) -> Similarity:
+    """Similarity from one set of cameras to another by their centres and by where they look.
+
+    Centres on a straight line leave open how the scene is turned about it. So each camera counts
+    with its centre and the points at a distance along its three axes.
+
+    Parameters
+    ----------
+    world_from_cam, reference : (N, 3, 4) float
+        Rotation and camera centre of the same frames in the same order; N >= 3.
+    distance : float
+        Along the axes, in units of the reference: how far the scene typically is.
+
+    Returns
+    -------
+    Similarity
+        Maps the first to the second; its scale is that of the centres alone.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`align_similarity`.
+    """
+    found, true = np.asarray(world_from_cam, np.float64), np.asarray(reference, np.float64)
+    if found.ndim != 3 or found.shape[1:] != (3, 4) or found.shape != true.shape:
+        raise ValueError(f"need two (N, 3, 4) arrays, got {found.shape} and {true.shape}")
+    scale = align_similarity(found[:, :, 3], true[:, :, 3]).scale
+    if not scale > 0:
+        raise ValueError("all target points coincide: a scale is not defined")
+    turned = align_similarity(
+        _points_of_cameras(found, distance / scale), _points_of_cameras(true, distance)
+    )
+    offset = true[:, :, 3] - scale * found[:, :, 3] @ turned.rotation.T
+    return Similarity(scale=scale, rotation=turned.rotation, translation=offset.mean(axis=0))
+
+
+def _points_of_cameras(cameras: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """(4 N, 3) centres, and points at a distance along the axes of (N, 3, 4) cameras."""
+    centers = cameras[:, :, 3]
+    along = centers[:, None] + distance * cameras[:, :, :3].transpose(0, 2, 1)
+    return np.concatenate([centers, along.reshape(-1, 3)])
+
+
 def trajectory_error(centers: ArrayLike, reference: ArrayLike) -> TrajectoryError:
     """Absolute trajectory error of camera centres after the best similarity.
 
