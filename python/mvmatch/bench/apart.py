@@ -82,11 +82,11 @@ def _call(
         os.setsid()  # so that what it starts can be ended with it
         Thread(target=_follow_parent, daemon=True).start()
     try:
-        value = {"value": function(*arguments), "peak_rss_mb": peak_rss_mb()}
+        text = json.dumps({"value": function(*arguments), "peak_rss_mb": peak_rss_mb()})
     except Exception as error:
-        value = {"error": f"{type(error).__name__}: {error}"}
+        text = json.dumps({"error": f"{type(error).__name__}: {error}"})
     partial = answer.with_suffix(".partial")
-    partial.write_text(json.dumps(value), encoding="utf-8")
+    partial.write_text(text, encoding="utf-8")
     partial.replace(answer)
 
 

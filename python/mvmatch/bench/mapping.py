@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.export.model import images_by_frame
 from mvmatch.geometry.point_error import distinct_points
 from mvmatch.geometry.trajectory import relative_trajectory_error, trajectory_error
 from mvmatch.measure import StageClock
@@ -112,7 +113,6 @@ def pose_errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> di
 
 def _poses(model: pycolmap.Reconstruction) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Frame numbers (N,) and camera-to-world poses (N, 3, 4) of the registered images, in order."""
-    images = sorted((model.image(image_id).name, image_id) for image_id in model.reg_image_ids())
-    frames = np.array([int(Path(name).stem.removeprefix("frame_")) for name, _ in images], np.int64)
-    poses = [model.image(image_id).cam_from_world().inverse().matrix() for _, image_id in images]
-    return frames, np.array(poses, np.float64)
+    images = images_by_frame(model)
+    poses = [image.cam_from_world().inverse().matrix() for image in images.values()]
+    return np.array(list(images), np.int64), np.array(poses, np.float64)

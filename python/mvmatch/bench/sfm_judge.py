@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mvmatch.bench.cloud import measure_cloud
 from mvmatch.bench.mapping import count_points, pose_errors
 from mvmatch.colmap_log import quiet_colmap
+from mvmatch.errors import DataError
 from mvmatch.measure import StageClock
 
 if TYPE_CHECKING:
@@ -85,14 +86,17 @@ def judge_draws(
     return rows
 
 
-def _cloud(model: pycolmap.Reconstruction, sequence: Sequence) -> dict[str, float] | None:
-    try:
-        cloud: Any = importlib.import_module("mvmatch.geometry.cloud")
-    except ModuleNotFoundError:
-        return None
+def _cloud(model: pycolmap.Reconstruction, sequence: Sequence) -> dict[str, Any] | None:
+    """Return the figures of :mod:`mvmatch.bench.cloud`, m; None where there is no surface."""
     if sequence.truth is None:
         return None
-    return dataclasses.asdict(cloud.measure_cloud(model, sequence))
+    try:
+        quality = measure_cloud(model, sequence)
+    except DataError:  # composed sequences have none either, and a camera that stands no scale
+        return None
+    scores = [dataclasses.asdict(score) | {"f_score": score.f_score} for score in quality.scores]
+    derived = {"chamfer": quality.chamfer, "hausdorff_95": quality.hausdorff_95, "scores": scores}
+    return dataclasses.asdict(quality) | derived
 
 
 def _adjustment_seconds(model: pycolmap.Reconstruction) -> float:

@@ -26,6 +26,9 @@ WRONG_PERCENT, RIGHT_PERCENT = 1.0, 0.1
 """A model is wrong with an ATE above the first, in % of the path, where SIFT's is below the second:
 where the footage is not to blame."""
 
+NEAR = 0.01
+"""Share of the median depth within which a point of a cloud counts as right."""
+
 _VERDICTS = ("accepted", "refused", "wrong")
 
 
@@ -187,17 +190,25 @@ def _costs_table(results: Many[Result], reference: Result | None) -> str:
 
 
 def _clouds_table(results: Many[Result]) -> str:
-    """Distances to the true surfaces, by whatever names they are measured."""
-    numbers = [
-        {name: value for name, value in result["model"]["cloud"].items() if _is_number(value)}
-        for result in results
-    ]
-    names = list(dict.fromkeys(name for each in numbers for name in each))
-    rows = [
-        [result["method"], *(f"{each.get(name, math.nan):.4g}" for name in names)]
-        for result, each in zip(results, numbers, strict=True)
-    ]
-    return markdown(["method", *(name.replace("_", " ") for name in names)], rows)
+    """Distances to the true surface, m, and the shares within a hundredth of the median depth."""
+    rows: list[list[str]] = []
+    for result in results:
+        cloud = result["model"]["cloud"]
+        near = [score for score in cloud["scores"] if score["threshold"] <= _near(cloud)]
+        shares = [100 * near[-1][name] for name in ("precision", "recall", "f_score")]
+        accuracy, completeness = cloud["accuracy"], cloud["completeness"]
+        rows.append([
+            result["method"], _number(accuracy["median"], 4), _number(accuracy["p90"], 3),
+            _number(completeness["median"], 3), _number(completeness["p90"], 3),
+            _number(cloud["chamfer"], 3), *(_number(share, 1) for share in shares),
+        ])  # fmt: skip
+    titles = ["method", "accuracy m, median", "p90", "completeness m, median", "p90", "Chamfer m"]
+    return markdown([*titles, "precision %", "recall %", "F %"], rows)
+
+
+def _near(cloud: Mapping[str, Any]) -> float:
+    """Distance, m, within which a point counts as right; rounding of the product admitted."""
+    return 1.000001 * NEAR * cloud["median_depth"]
 
 
 def _ratios(result: Result, reference: Result) -> list[float]:
@@ -221,10 +232,6 @@ def _worse(result: Result, reference: Result) -> float:
 def _median(values: Iterator[float]) -> float:
     known = [value for value in values if not math.isnan(value)]
     return median(known) if known else math.nan
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _number(value: float, decimals: int) -> str:
