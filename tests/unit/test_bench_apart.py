@@ -30,13 +30,22 @@ def test_an_exception_a_crash_and_an_answer_that_is_none_are_reasons():
     assert run_apart(set).error.startswith("TypeError: ")
 
 
+def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
+    held = bytearray(b"x") * 300_000_000
+    apart = run_apart(json.loads, "{}")
+    assert len(held) == 300_000_000
+    assert apart.peak_rss_mb is None or apart.peak_rss_mb < 250
+
+
 def test_what_does_not_end_is_ended_with_all_that_it_started(tmp_path):
     note = tmp_path / "pid"
     # The shell is what runs when the time is over: its number is there before.
     command = f"echo $$ > {note}; exec sleep 1000"
-    apart = run_apart(subprocess.getstatusoutput, command, timeout_s=15)
-    assert apart.error == "stopped after 15 s"
+    apart = run_apart(subprocess.getstatusoutput, command, timeout_s=10)
+    assert apart.error == "stopped after 10 s"
     assert apart.value == {}
+    if not note.is_file():
+        return  # a machine so busy that nothing was started yet
     pid = int(note.read_text())
     for _ in range(100):
         if not is_running(pid):

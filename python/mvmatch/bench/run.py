@@ -41,7 +41,7 @@ CELLS, SCRATCH = "cells", "scratch"
 
 _JUDGES = (
     "bench/accuracy.py", "bench/compose.py", "bench/datasets.py", "bench/front_ends.py",
-    "bench/matches.py", "bench/truth.py", "camera.py", "geometry", "pairing.py", "types.py",
+    "bench/matches.py", "bench/truth.py", "camera", "geometry", "pairing.py", "types.py",
 )  # fmt: skip
 _MAPPERS = ("bench/mapping.py", "export", "sfm")
 

@@ -40,8 +40,8 @@ Intrinsics = Literal["known", "unknown"]
 
 _PREPARATION = ("bench/compose.py", "bench/datasets.py", "encode")
 _JUDGES = (
-    "bench/mapping.py", "bench/matches.py", "bench/sfm.py", "bench/sfm_judge.py", "bench/truth.py",
-    "geometry",
+    "bench/cloud.py", "bench/mapping.py", "bench/matches.py", "bench/sfm.py", "bench/sfm_judge.py",
+    "bench/truth.py", "geometry",
 )  # fmt: skip
 
 

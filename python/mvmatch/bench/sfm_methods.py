@@ -237,10 +237,10 @@ _RUN = (
 )  # fmt: skip
 _OF_VECTORS = (
     "_core", "bridge", "batches", "cells", "confidence", "config.py", "correspondences", "encode",
-    "filters", "footage", "matching", "outputs", "overlays", "pairing", "pipeline", "products",
-    "refine", "report", "shots", "sources", "stages", "store", "tracks", "work",
+    "error_model", "filters", "footage", "matching", "outputs", "overlays", "pairing", "pipeline",
+    "products", "refine", "report", "shots", "sources", "stages", "store", "tracks", "work",
 )  # fmt: skip
-_OF_SIFT = ("baselines", "bench/sfm_methods.py", "geometry/two_view.py", "sfm/options.py")
+_OF_SIFT = ("baselines", "bench/sfm_methods.py", "camera", "geometry/two_view.py", "sfm/options.py")
 
 
 def sources_of(name: str) -> tuple[str, ...]:
