@@ -26,10 +26,14 @@ from mvmatch.geometry.cloud import (
 from mvmatch.geometry.trajectory import align_cameras
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import pycolmap
     from numpy.typing import NDArray
 
     from mvmatch.bench.datasets import Sequence
+
+_CURVE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +43,8 @@ class CloudOptions:
     thresholds: tuple[float, ...] = (0.002, 0.005, 0.01, 0.02, 0.05)
     """Of precision and recall."""
     spacing: float = 0.005
-    """Side of the cubes with one sample of the surface each: half the middle threshold, as
-    Tanks and Temples do."""
+    """Side of the cubes with one sample of the surface each: half the middle threshold, as in the
+    tool of Tanks and Temples."""
     views: int = 20
     """Most frames, evenly spread, from which the surface is sampled."""
     rays: int = 20_000
@@ -86,8 +90,12 @@ class JudgedCloud:
 
     def recall(self, threshold: float, num_points: int | None = None) -> float:
         """Return the share of the surface within a threshold, m, of the best points."""
-        distance = cloud_distance(self.surface.samples, self.points[:num_points])
-        return share_within(distance, threshold)
+        near = cloud_distance(self.surface.samples, self.points[:num_points], at_most=threshold)
+        return share_within(near, threshold)
+
+    def curve(self, shares: Iterable[float] = _CURVE) -> tuple[CloudQuality, ...]:
+        """Return the figures of the best shares of the points: what completeness costs."""
+        return tuple(self.quality(round(share * len(self.points))) for share in shares)
 
 
 def measure_cloud(
