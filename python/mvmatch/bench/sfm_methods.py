@@ -149,7 +149,7 @@ class SiftRun:
         shutil.copyfile(out / outputs.DATABASE, database)
         with quiet_colmap():
             self._drop(database, sample)
-            return self._map(given, database, folder)
+            return self._map(given, database, folder, num_threads=1)
 
     def _drop(self, path: Path, sample: Sample) -> None:
         """Take matches of dropped keypoints out of a database, and verify the others anew."""
@@ -174,9 +174,11 @@ class SiftRun:
                 database.write_matches(first, second, matches[both])
         verification = pycolmap.TwoViewGeometryOptions()
         verification.ransac = colmap_ransac(self.sift.ransac)
-        pycolmap.geometric_verification(path, two_view_geometry_options=verification)
+        threads = pycolmap.GeometricVerifierOptions()
+        threads.num_threads = 1
+        pycolmap.geometric_verification(path, threads, two_view_geometry_options=verification)
 
-    def _map(self, given: Input, database: Path, folder: Path) -> Model:
+    def _map(self, given: Input, database: Path, folder: Path, *, num_threads: int = -1) -> Model:
         import pycolmap
 
         if self.mapper == "mvmatch":
@@ -190,6 +192,8 @@ class SiftRun:
         work = folder / "models"
         work.mkdir()
         options = _colmap_options(self.mapper, refine=given.camera is None)
+        # On several threads COLMAP is not repeatable: that is for what is timed alone.
+        options.num_threads = options.mapper.num_threads = num_threads
         models = pycolmap.incremental_mapping(database, given.path, work, options)
         best = max(models.values(), key=lambda model: model.num_reg_images(), default=None)
         return Model(
@@ -209,7 +213,6 @@ def _colmap_options(
     options = pycolmap.IncrementalPipelineOptions()
     if mapper == "video":
         options = incremental_options(MapperOptions(), None)
-    options.num_threads = options.mapper.num_threads = -1
     options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = 0
     options.extract_colors = False
     options.min_model_size = 2
