@@ -9,7 +9,10 @@ import numpy as np
 import pycolmap
 import pytest
 
+from scipy.spatial.distance import cdist
+
 from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps
+from mvmatch.bridge.descriptors import mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
 from mvmatch.types import Tracks
@@ -76,6 +79,44 @@ def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> 
     error = across.xy1 - across.xy0 + [SHIFTS[3] - SHIFTS[2], 0.0]
     assert np.median(np.linalg.norm(error, axis=1)) < 0.3
     assert len(bridge.tracks.between(1, 3)) > 30, "two pictures of one side make points"
+
+
+def test_gaps_close_to_each_other_are_seen_from_as_far_as_the_window(pictures: Path) -> None:
+    def matched(gaps: tuple[int, ...], window: int) -> set[tuple[int, int]]:
+        whole = [range(first, stop) for first, stop in zip((0, *gaps), (*gaps, 6), strict=True)]
+        tracks = Tracks.concatenate(*(moving(frames, 50) for frames in whole))
+        options = BridgeOptions(min_tracks=20, reach=1, window=window)
+        bridge = bridge_tracks(
+            lambda: decoded(pictures), tracks, CAMERA, num_frames=6, options=options
+        )
+        assert bridge.gaps == tuple(gap - 1 for gap in gaps)
+        pairs = ((i, j) for i in range(6) for j in range(i + 1, 6))
+        return {pair for pair in pairs if len(bridge.tracks.between(*pair))}
+
+    assert matched((3,), window=3) == {(2, 3)}
+    assert matched((2, 5), window=2) == {(1, 2), (4, 5)}
+    assert (1, 4) in matched((2, 4), window=3)
+    assert (0, 3) in matched((2, 4), window=3)
+
+
+def test_matches_are_those_of_an_exhaustive_search() -> None:
+    random = np.random.default_rng(3)
+    first = random.normal(size=(200, 8)).astype(np.float32)
+    second = first[random.permutation(200)[:150]] + 0.2 * random.normal(size=(150, 8))
+    first, second = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (first, second))
+    angle = np.arccos(1.0 - cdist(first, second, "cosine"))
+    expected = [
+        (i, j)
+        for i in range(200)
+        for j in range(150)
+        if angle[i, j] <= 0.7
+        and angle[i, j] < 0.8 * np.delete(angle[i], j).min()
+        and angle[i, j] < 0.8 * np.delete(angle[:, j], i).min()
+    ]
+    assert 50 < len(expected) < 150
+    found = mutual_matches(first.astype(np.float32), second.astype(np.float32))
+    assert [tuple(pair) for pair in found.tolist()] == expected
+    assert mutual_matches(found[:1].astype(np.float32), found.astype(np.float32)).shape == (0, 2)
 
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:

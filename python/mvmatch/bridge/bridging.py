@@ -116,31 +116,51 @@ def bridge_tracks(
     left = gaps
     for reach in (options.reach, options.far_reach):
         if left:
-            _match_around(left, reach, islice(pictures(), num_frames), matcher, links)
+            stretches = _stretches(left, reach, options.window)
+            within = islice(pictures(), num_frames)
+            _match_around(stretches, max(options.window, 2 * reach), within, matcher, links)
             left = still_open()
     bridged = tuple(gap for gap in gaps if gap not in left)
     return Bridge(tracks=links.tracks(), gaps=gaps, bridged=bridged)
 
 
 def _match_around(
-    gaps: Sequence[int],
-    reach: int,
+    stretches: Sequence[range],
+    window: int,
     pictures: Iterable[NDArray[np.uint8]],
     matcher: DescriptorMatcher,
     links: Links,
 ) -> None:
-    """Match the pictures around each gap with each other."""
-    around = {frame for gap in gaps for frame in range(gap + 1 - reach, gap + 1 + reach)}
+    """Match the pictures of each stretch with each other, as far as they are in the window."""
+    stretch_of = {frame: stretch for stretch in stretches for frame in stretch}
     earlier: dict[int, Features] = {}
-    for frame, luma in enumerate(islice(pictures, max(around) + 1)):
-        if frame not in around:
+    for frame, luma in enumerate(islice(pictures, stretches[-1].stop)):
+        if frame not in stretch_of:
             continue
         features = matcher.extract(luma)
-        for other in _partners(frame, gaps, reach):
-            matches = matcher.match(earlier[other], features)
-            links.add((other, earlier[other].xy), (frame, features.xy), matches)
+        earlier = {other: earlier[other] for other in earlier if other >= frame - window}
+        for other in reversed(earlier):  # the nearest first
+            if other in stretch_of[frame]:
+                matches = matcher.match(earlier[other], features)
+                links.add((other, earlier[other].xy), (frame, features.xy), matches)
         earlier[frame] = features
-        earlier = {key: value for key, value in earlier.items() if key > frame - 2 * reach}
+
+
+def _stretches(gaps: Sequence[int], reach: int, window: int) -> list[range]:
+    """Pictures around gaps; several gaps that a window spans are seen from as far as it."""
+    groups: list[list[int]] = []
+    for gap in gaps:
+        if not groups or gap - groups[-1][-1] > window:
+            groups.append([])
+        groups[-1].append(gap)
+    stretches: list[range] = []
+    for group in groups:
+        around = reach if len(group) == 1 else max(reach, window)
+        first, stop = max(0, group[0] + 1 - around), group[-1] + 1 + around
+        if stretches and first <= stretches[-1].stop:
+            first = stretches.pop().start
+        stretches.append(range(first, stop))
+    return stretches
 
 
 def _crossings(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
@@ -149,10 +169,3 @@ def _crossings(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
     np.add.at(change, tracks.frame[tracks.offsets[:-1]], 1)
     np.add.at(change, tracks.frame[tracks.offsets[1:] - 1], -1)
     return np.cumsum(change)[: max(0, num_frames - 1)]
-
-
-def _partners(frame: int, gaps: Sequence[int], reach: int) -> list[int]:
-    """Earlier pictures that lie around one gap together with this one, the nearest first."""
-    near = [gap for gap in gaps if gap + 1 - reach <= frame <= gap + reach]
-    first = max(0, min((gap + 1 - reach for gap in near), default=frame))
-    return list(range(frame - 1, first - 1, -1))

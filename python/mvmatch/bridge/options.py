@@ -23,6 +23,9 @@ class BridgeOptions:
     two of one side before they can tell where a picture of the other side was taken."""
     far_reach: int = 8
     """The same where that was not enough: a blurred or turned-away stretch lies between."""
+    window: int = 10
+    """Pictures back that a picture is matched with where gaps lie so close that the stretches
+    around them meet: tracks of vectors are short there, and only descriptors see far."""
     max_num_features: int = 1500
     """Per picture."""
     min_inliers: int = 30
@@ -32,7 +35,7 @@ class BridgeOptions:
     """Of the essential matrix that matches of a pair have to keep."""
 
     def __post_init__(self) -> None:
-        for name in ("min_tracks", "reach", "far_reach", "max_num_features", "min_inliers"):
+        for name in ("min_tracks", "reach", "far_reach", "window", "max_num_features", "min_inliers"):
             if getattr(self, name) < 1:
                 message = f"{name} is {getattr(self, name)}; it must be at least 1"
                 raise ValueError(message)

@@ -22,6 +22,7 @@ def accuracy(
     sequences: str = "",
     methods: str = "",
     frames: int = 30,
+    gaps: str = "1,2,5,10",
     draws: int = 5,
     map: bool = False,  # noqa: A002
     json: Json = False,
@@ -45,6 +46,8 @@ def accuracy(
         part off at a time.
     frames
         First frames of each sequence; 0 for all.
+    gaps
+        Frames between the two of a pair, separated by commas; SIFT is matched up to 10.
     draws
         Resamplings for the error bars.
     map
@@ -64,7 +67,7 @@ def accuracy(
         methods=_words(methods) or RunOptions.methods,
         max_frames=frames or None,
         map=map,
-        accuracy=AccuracyOptions(draws=draws),
+        accuracy=AccuracyOptions(gaps=tuple(int(gap) for gap in _words(gaps)), draws=draws),
     )
     results = run_cells(options, tell=tell)
     made = write_tables(results, options)
