@@ -197,5 +197,5 @@ def test_ratios_to_sift_are_shown_with_and_without_the_encoding():
     costs = next(line for line in table.splitlines() if line.startswith("| svt-fast | 2.0 | 4.0 |"))
     # 8 / 2 and 16 / 4; with 1 s and 3 CPU s of encoding 8 / 3 and 16 / 7.
     assert costs.startswith("| svt-fast | 2.0 | 4.0 | 1.0 | 3.0 | 4.0 | 4.0 | 2.7 | 2.3 | 200 |")
-    # 0.1 CPU s of bundle adjustment for 20 observations.
-    assert "| 0.10 | 5,000.0 |" in costs
+    # 0.1 CPU s for an iteration of bundle adjustment over 20 observations.
+    assert "| 100.0 | 5,000.0 |" in costs

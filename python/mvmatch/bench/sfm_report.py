@@ -181,12 +181,12 @@ def _costs_table(results: Many[Result], reference: Result | None) -> str:
             result["method"], _number(run["wall_s"], 1), _number(run["cpu_s"], 1),
             *encoded, *ratios,
             _number(1000 * run["wall_s"] / total, 0), _number(1000 * run["cpu_s"] / total, 0),
-            _number(mapping, 1), _number(model["ba_cpu_s"], 2), _number(per_observation, 1),
+            _number(mapping, 1), _number(1000 * model["ba_cpu_s"], 1), _number(per_observation, 1),
             _number(peak, 0),
         ])  # fmt: skip
     titles = ["method", "wall s", "CPU s", "encode wall s", "encode CPU s", *_RATIOS]
-    titles += ["wall ms / picture", "CPU ms / picture", "map CPU s", "BA CPU s"]
-    return markdown([*titles, "BA µs / observation", "peak MB"], rows)
+    titles += ["wall ms / picture", "CPU ms / picture", "map CPU s", "BA CPU ms / iteration"]
+    return markdown([*titles, "BA µs / iteration, observation", "peak MB"], rows)
 
 
 def _clouds_table(results: Many[Result]) -> str:
