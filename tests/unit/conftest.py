@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SIZE = (160, 120)
 """px."""
 
 PINHOLE = ("PINHOLE", [150.0, 148.0, 81.0, 59.0])
+
+
+@pytest.fixture(scope="session")
+def make_drive():
+    """Function that renders a drive into a folder, in the layout of KITTI."""
+    cv2 = pytest.importorskip("cv2")
+
+    def make(folder: Path, num_frames: int, size: tuple[int, int] = (320, 180)) -> Path:
+        from mvmatch.testing import synthetic_drive
+
+        (folder / "images").mkdir(parents=True)
+        scene = synthetic_drive(num_frames, size)
+        for frame in range(scene.num_frames):
+            image = scene.render(frame)[:, :, ::-1]
+            cv2.imwrite(str(folder / "images" / f"{frame:06d}.png"), image)
+        R = scene.cam_from_world[:, :, :3]
+        poses = np.concatenate([R.transpose(0, 2, 1), scene.centers[:, :, None]], axis=2)
+        np.savetxt(folder / "poses.txt", poses.reshape(-1, 12))
+        fx, fy, cx, cy = scene.K[[0, 1, 0, 1], [0, 1, 2, 2]]
+        camera = f"1 PINHOLE {size[0]} {size[1]} {fx} {fy} {cx} {cy}\n"
+        (folder / "camera.txt").write_text(camera)
+        return folder
+
+    return make
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mvmatch.bench.mapping import _points
-from mvmatch.bench.matches import Sample, TrackMatches, _sampled
+from mvmatch.bench.mapping import count_points
+from mvmatch.bench.matches import Sample, TrackMatches, sampled
 from mvmatch.types import Tracks
 
 pycolmap = pytest.importorskip("pycolmap")
@@ -39,12 +39,12 @@ def seen(x: float) -> list[tuple[int, float, float]]:
 
 def test_points_that_share_a_place_in_an_image_count_once() -> None:
     tracks = Tracks.from_lists(seen(400.0), seen(400.5), seen(450.0))
-    counts = _points(model(tracks, mapped=3))
+    counts = count_points(model(tracks, mapped=3))
     assert counts == {"points": 3, "distinct_points": 2}
 
 
 def test_there_are_no_points_without_a_model() -> None:
-    assert _points(None) == {"points": 0, "distinct_points": 0}
+    assert count_points(None) == {"points": 0, "distinct_points": 0}
 
 
 def test_further_tracks_become_points_and_a_draw_drops_some_of_them() -> None:
@@ -56,7 +56,7 @@ def test_further_tracks_become_points_and_a_draw_drops_some_of_them() -> None:
     assert whole.num_points3D() == 15
 
     sample = Sample(share=0.8, seed=0)
-    kept = Tracks.concatenate(_sampled(tracks, sample), _sampled(further, sample))
+    kept = Tracks.concatenate(sampled(tracks, sample), sampled(further, sample))
     drawn = model(kept, mapped=4)
     matches.densify(drawn, sample=sample)
     assert drawn.num_points3D() == 12

@@ -10,28 +10,15 @@ from mvmatch.bench.front_ends import FRONT_ENDS
 from mvmatch.bench.report import caption, tables, write_tables
 from mvmatch.bench.summary import average, by_draw, summarise
 from mvmatch.errors import DataError
-from mvmatch.testing import synthetic_drive
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 pytest.importorskip("pycolmap")
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory):
+def data(make_drive, tmp_path_factory):
     """A rendered drive in the layout of KITTI."""
-    folder = tmp_path_factory.mktemp("data") / "drive"
-    (folder / "images").mkdir(parents=True)
-    scene = synthetic_drive(6, (320, 180))
-    for frame in range(scene.num_frames):
-        image = scene.render(frame)[:, :, ::-1]
-        cv2.imwrite(str(folder / "images" / f"{frame:06d}.png"), image)
-    R, t = scene.cam_from_world[:, :, :3], scene.cam_from_world[:, :, 3:]
-    poses = np.concatenate([R.transpose(0, 2, 1), scene.centers[:, :, None]], axis=2)
-    assert t.shape == (6, 3, 1)
-    np.savetxt(folder / "poses.txt", poses.reshape(-1, 12))
-    fx, fy, cx, cy = scene.K[[0, 1, 0, 1], [0, 1, 2, 2]]
-    (folder / "camera.txt").write_text(f"1 PINHOLE 320 180 {fx} {fy} {cx} {cy}\n")
-    return folder
+    return make_drive(tmp_path_factory.mktemp("data") / "drive", 6)
 
 
 def options_of(data, out, **changes):

@@ -27,7 +27,8 @@ class SiftOptions:
     quadratic_overlap: bool = True
     """Match with the images 1, 2, 4, 8 ... away as well (COLMAP's default)."""
     num_threads: int = 1
-    """Of extraction and matching; 1 makes CPU time comparable and the result repeatable."""
+    """Of extraction and matching; 1 makes CPU time comparable and the result repeatable, -1 takes
+    one per processor."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
     """Verification, with the settings of every other method."""
 
@@ -36,7 +37,7 @@ def match_sift(
     folder: Path,
     database: Path,
     *,
-    camera: pycolmap.Camera,
+    camera: pycolmap.Camera | None,
     max_frames: int | None = None,
     options: SiftOptions | None = None,
 ) -> None:
@@ -48,8 +49,8 @@ def match_sift(
         Frames whose names sort in display order.
     database : Path
         New COLMAP database; an existing one is replaced.
-    camera : pycolmap.Camera
-        The one camera.
+    camera : pycolmap.Camera or None
+        The one camera; None for COLMAP's prior, 1.2 times the longer side as focal length.
     max_frames : int, optional
         Use only the first frames.
     options : SiftOptions
@@ -66,8 +67,9 @@ def match_sift(
     names = [path.name for path in list_images(folder, max_frames)]
     database.unlink(missing_ok=True)
     reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = camera.model_name
-    reader.camera_params = camera.params_to_string()
+    if camera is not None:
+        reader.camera_model = camera.model_name
+        reader.camera_params = camera.params_to_string()
     extraction = pycolmap.FeatureExtractionOptions()
     extraction.num_threads = options.num_threads
     extraction.use_gpu = False

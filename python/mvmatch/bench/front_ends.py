@@ -97,7 +97,7 @@ def encoded_stream(clip: Clip, options: EncodeOptions) -> tuple[Path, dict[str, 
     Returns
     -------
     tuple
-        The stream, and its ``settings``, ``num_bytes`` and ``cpu_seconds``.
+        The stream, and its ``settings``, ``num_bytes``, ``seconds`` and ``cpu_seconds``.
     """
     name = f"{options.encoder}-{options.usage}"
     if options.quality is not None:
@@ -109,6 +109,7 @@ def encoded_stream(clip: Clip, options: EncodeOptions) -> tuple[Path, dict[str, 
         facts = {
             "settings": made.settings,
             "num_bytes": made.num_bytes,
+            "seconds": made.seconds,
             "cpu_seconds": made.cpu_seconds,
         }
         sidecar.write_text(json.dumps(facts), encoding="utf-8")

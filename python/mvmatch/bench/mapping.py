@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.export.model import images_by_frame
 from mvmatch.geometry.point_error import distinct_points
 from mvmatch.geometry.trajectory import relative_trajectory_error, trajectory_error
 from mvmatch.measure import StageClock
@@ -62,17 +63,18 @@ def map_matches(
         "reasons": list(model.reasons),
         "registered": model.registered,
         "total": len(sequence),
-        **_points(model.reconstruction),
+        **count_points(model.reconstruction),
         "track_length": model.mean_track_length,
         "reprojection_px": model.mean_reprojection_error,
         "verify_cpu_s": clock.stages[0].cpu_s,
         "map_cpu_s": clock.stages[1].cpu_s,
         "densify_cpu_s": clock.stages[2].cpu_s,
     }
-    return row | _errors(model.reconstruction if model.accepted else None, sequence)
+    return row | pose_errors(model.reconstruction if model.accepted else None, sequence)
 
 
-def _points(model: pycolmap.Reconstruction | None) -> dict[str, int]:
+def count_points(model: pycolmap.Reconstruction | None) -> dict[str, int]:
+    """Count points, and those that are in no image within 1 px of an earlier one."""
     if model is None:
         return {"points": 0, "distinct_points": 0}
     repeated: set[int] = set()
@@ -91,7 +93,8 @@ def _points(model: pycolmap.Reconstruction | None) -> dict[str, int]:
     return {"points": total, "distinct_points": total - len(repeated)}
 
 
-def _errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[str, float]:
+def pose_errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[str, float]:
+    """Return ``ate``, ``ate_percent``, ``rpe`` and ``rpe_deg``; infinite without a model."""
     failed: dict[str, float] = dict.fromkeys(_ERRORS, math.inf)
     if model is None or model.num_reg_images() < 3:
         return failed
@@ -110,7 +113,6 @@ def _errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[s
 
 def _poses(model: pycolmap.Reconstruction) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Frame numbers (N,) and camera-to-world poses (N, 3, 4) of the registered images, in order."""
-    images = sorted((model.image(image_id).name, image_id) for image_id in model.reg_image_ids())
-    frames = np.array([int(Path(name).stem) for name, _ in images], np.int64)
-    poses = [model.image(image_id).cam_from_world().inverse().matrix() for _, image_id in images]
-    return frames, np.array(poses, np.float64)
+    images = images_by_frame(model)
+    poses = [image.cam_from_world().inverse().matrix() for image in images.values()]
+    return np.array(list(images), np.int64), np.array(poses, np.float64)

@@ -91,7 +91,7 @@ class TrackMatches:
         index = self.tracks.track_index
         first, second = (index[self.tracks.observations(frame)] for frame in (frame0, frame1))
         common = np.intersect1d(first, second, assume_unique=True)
-        return _drawn(len(self.tracks), share, seed)[common]
+        return drawn(len(self.tracks), share, seed)[common]
 
     def lengths(self) -> NDArray[np.int64]:
         """Observations of each track."""
@@ -102,15 +102,15 @@ class TrackMatches:
     ) -> None:
         """Write a COLMAP database."""
         write_database(
-            _sampled(self.tracks, sample), path, camera=camera, image_names=names,
+            sampled(self.tracks, sample), path, camera=camera, image_names=names,
             verification=VERIFICATION, max_gap=MAX_GAP,
-            further=None if self.further is None else _sampled(self.further, sample),
+            further=None if self.further is None else sampled(self.further, sample),
         )  # fmt: skip
 
     def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
         """Triangulate the further tracks with the poses of the model."""
         if self.further is not None:
-            parts = (_sampled(tracks, sample) for tracks in (self.tracks, self.further))
+            parts = (sampled(tracks, sample) for tracks in (self.tracks, self.further))
             densify(model, Tracks.concatenate(*parts))
 
 
@@ -186,16 +186,17 @@ class KeypointMatches:
         return self.matches.get((frame0, frame1), np.empty((0, 2), np.uint32))
 
     def _drawn(self, frame: int, share: float, seed: int) -> NDArray[np.bool_]:
-        return _drawn(len(self.keypoints[frame]), share, seed, frame)
+        return drawn(len(self.keypoints[frame]), share, seed, frame)
 
 
-def _sampled(tracks: Tracks, sample: Sample | None) -> Tracks:
+def sampled(tracks: Tracks, sample: Sample | None) -> Tracks:
+    """Return the tracks that a draw keeps; all of them without one."""
     if sample is None:
         return tracks
-    return tracks.select(_drawn(len(tracks), sample.share, sample.seed))
+    return tracks.select(drawn(len(tracks), sample.share, sample.seed))
 
 
-def _drawn(count: int, share: float, *seeds: int) -> NDArray[np.bool_]:
+def drawn(count: int, share: float, *seeds: int) -> NDArray[np.bool_]:
     """Mark a share of ``count`` things, exactly as many as it comes to."""
     marks = np.zeros(count, np.bool_)
     order = np.random.default_rng(seeds).permutation(count)

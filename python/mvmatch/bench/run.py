@@ -25,13 +25,15 @@ from mvmatch.bench.datasets import Sequence, find_sequences, load_sequence, writ
 from mvmatch.bench.digests import code_digest, folder_digest
 from mvmatch.bench.front_ends import FRONT_ENDS, Clip, sources_of
 from mvmatch.bench.mapping import map_matches
+from mvmatch.bench.store import fill_cells
 from mvmatch.errors import DataError
 from mvmatch.measure import peak_rss_mb
 from mvmatch.outputs import provenance
 from mvmatch.report.plain import plain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
+    from collections.abc import Sequence as Many
     from pathlib import Path
 
 CELLS, SCRATCH = "cells", "scratch"
@@ -39,7 +41,7 @@ CELLS, SCRATCH = "cells", "scratch"
 
 _JUDGES = (
     "bench/accuracy.py", "bench/compose.py", "bench/datasets.py", "bench/front_ends.py",
-    "bench/matches.py", "bench/truth.py", "camera.py", "geometry", "pairing.py", "types.py",
+    "bench/matches.py", "bench/truth.py", "camera", "geometry", "pairing.py", "types.py",
 )  # fmt: skip
 _MAPPERS = ("bench/mapping.py", "export", "sfm")
 
@@ -99,16 +101,45 @@ def cells_of(options: RunOptions) -> list[Cell]:
     DataError
         A sequence or method is not known.
     """
-    folders = find_sequences(options.data)
-    wanted = options.sequences or tuple(folders)
+    methods = chosen_methods(options.methods, FRONT_ENDS)
+    return [
+        Cell(sequence=name, method=method, folder=folder, options=options)
+        for name, folder in chosen_sequences(options.data, options.sequences)
+        for method in methods
+    ]
+
+
+def chosen_methods(patterns: Many[str], known: Iterable[str]) -> list[str]:
+    """Return the methods that match names or patterns, each once.
+
+    Raises
+    ------
+    DataError
+        A pattern matches none.
+    """
+    known = list(known)
     methods: dict[str, None] = {}
-    for pattern in options.methods:
-        matching = fnmatch.filter(FRONT_ENDS, pattern)
+    for pattern in patterns:
+        matching = fnmatch.filter(known, pattern)
         if not matching:
-            raise DataError(f"there is no method {pattern}; there are {', '.join(FRONT_ENDS)}")
+            raise DataError(f"there is no method {pattern}; there are {', '.join(known)}")
         methods.update(dict.fromkeys(matching))
-    cells: list[Cell] = []
-    for name in wanted:
+    return list(methods)
+
+
+def chosen_sequences(data: Many[Path], names: Many[str]) -> list[tuple[str, Path]]:
+    """Return names of sequences, composed ones too, and the folder of each base.
+
+    Without names these are all sequences of the folders ``data`` as they are.
+
+    Raises
+    ------
+    DataError
+        A sequence or a composition is not known.
+    """
+    folders = find_sequences(data)
+    chosen: list[tuple[str, Path]] = []
+    for name in names or tuple(folders):
         base, plus, composition = name.partition("+")
         if base not in folders:
             raise DataError(f"there is no sequence {base}; there are {', '.join(folders)}")
@@ -116,11 +147,8 @@ def cells_of(options: RunOptions) -> list[Cell]:
             raise DataError(
                 f"there is no composition {composition}; there are {', '.join(COMPOSITIONS)}"
             )
-        cells += [
-            Cell(sequence=name, method=method, folder=folders[base], options=options)
-            for method in methods
-        ]
-    return cells
+        chosen.append((name, folders[base]))
+    return chosen
 
 
 def run_cells(
@@ -142,20 +170,7 @@ def run_cells(
         As in the files: ``sequence``, ``method``, ``key``, ``error`` (None or the reason),
         ``rows``, ``models``, ``cost``, and the provenance of each.
     """
-    report = tell or _untold
-    results: list[dict[str, Any]] = []
-    for cell in cells_of(options):
-        stored = _stored(cell)
-        if stored is not None:
-            report(cell, "kept")
-            results.append(stored)
-            continue
-        report(cell, "running")
-        result = _isolated(cell)
-        _write_json(cell.path, result)
-        results.append(result)
-        report(cell, result["error"] or "done")
-    return results
+    return fill_cells(cells_of(options), _isolated, tell or _untold)
 
 
 def compute_cell(cell: Cell) -> dict[str, Any]:
@@ -238,21 +253,3 @@ def _result(cell: Cell, *, error: str | None = None, **values: Any) -> dict[str,
         "rows": [], "models": [], "cost": {}, "details": {},
     }  # fmt: skip
     return result | values | provenance()
-
-
-def _stored(cell: Cell) -> dict[str, Any] | None:
-    """Return the result on file if it was computed from the same things and did not fail."""
-    try:
-        stored = json.loads(cell.path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    fresh = stored.get("key") == cell.key and stored.get("error") is None
-    return stored if fresh else None
-
-
-def _write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write JSON with the infinities of failures kept (Python's dialect)."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(value), encoding="utf-8")
-    partial.replace(path)

@@ -133,5 +133,87 @@ def confidence(
     )
 
 
+@app.command
+def sfm(
+    *,
+    data: list[Path],
+    out: Output = Path("out/sfm"),
+    sequences: str = "",
+    methods: str = "",
+    known: bool | None = None,
+    unknown: bool | None = None,
+    resamplings: int = 0,
+    frames: int = 0,
+    timeout: float = 3600.0,
+    json: Json = False,
+) -> Outcome:
+    """Compare whole runs, from input to model, with SIFT: what they make and what they cost.
+
+    Each run is a process of its own. What is computed already is kept: a benchmark that was
+    interrupted goes on where it was.
+
+    Parameters
+    ----------
+    data
+        Folders that are sequences or hold some; can be repeated.
+    out
+        Folder for tables, results, streams and models.
+    sequences
+        Names, separated by commas; NAME+COMPOSITION for a composed one. Without it all of them as
+        they are.
+    methods
+        Names or patterns, separated by commas: svt, libaom-rt or libaom-good with -default, -dense,
+        -fast or -paper; sift (COLMAP's mapper as it is), sift-video (with bounds for video),
+        sift-checked (the mapper of mvmatch run). All without.
+    known
+        Only with the camera of the sequence; --no-known is --unknown.
+    unknown
+        Only without a camera; --no-unknown is --known. Both with neither.
+    resamplings
+        Further mappings, each without 20 % of the keypoints (or tracks).
+    frames
+        First frames of each sequence; 0 for all.
+    timeout
+        Seconds after which a run is ended.
+    """
+    from mvmatch.bench.sfm import SfmCell, SfmOptions, run_sfm
+    from mvmatch.bench.sfm_report import TABLES, write_sfm_tables
+
+    def tell(cell: SfmCell, state: str) -> None:
+        where = f"{cell.sequence} {cell.method} {cell.intrinsics}"
+        print(f"{where}: {state}", file=sys.stderr, flush=True)
+
+    options = SfmOptions(
+        data=tuple(data),
+        out=out,
+        sequences=_words(sequences),
+        methods=_words(methods) or SfmOptions.methods,
+        intrinsics=_intrinsics(known, unknown),
+        max_frames=frames or None,
+        resamplings=resamplings,
+        timeout_s=timeout,
+    )
+    results = run_sfm(options, tell=tell)
+    made = write_sfm_tables(results, options)
+    failed = [
+        f"{each['sequence']} {each['method']} {each['intrinsics']}"
+        for each in results
+        if each["error"]
+    ]
+    return Outcome(
+        made=made,
+        figures={"results": str(len(results)), "failed": ", ".join(failed) or "none"},
+        data={"cells": results},
+        table=(out / TABLES).read_text(encoding="utf-8"),
+    )
+
+
+def _intrinsics(known: bool | None, unknown: bool | None) -> tuple[Any, ...]:
+    """Return what is left of both when one is asked for, or the other is not wanted."""
+    asked = {"known": known, "unknown": unknown}
+    only = tuple(name for name, wanted in asked.items() if wanted)
+    return only or tuple(name for name, wanted in asked.items() if wanted is None)
+
+
 def _words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())

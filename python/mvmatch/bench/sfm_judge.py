@@ -1,0 +1,127 @@
+"""What a delivered model is worth: its figures, and what becomes of it when points are dropped."""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mvmatch.bench.cloud import measure_cloud
+from mvmatch.bench.mapping import count_points, pose_errors
+from mvmatch.colmap_log import quiet_colmap
+from mvmatch.errors import DataError
+from mvmatch.measure import StageClock
+
+if TYPE_CHECKING:
+    import pycolmap
+
+    from mvmatch.bench.datasets import Sequence
+    from mvmatch.bench.matches import Sample
+    from mvmatch.bench.sfm_methods import Input, SiftRun, VectorRun
+
+BA_ITERATIONS = 10
+"""Of the bundle adjustment that is timed, at most: some models leave no step to take."""
+
+
+def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
+    """Measure a delivered model; None is a refusal.
+
+    Returns
+    -------
+    dict
+        ``points``, ``distinct_points``, ``ate`` ... as of :mod:`mvmatch.bench.mapping`,
+        ``observations``, ``track_length``, ``reprojection_px``, ``focal_error_percent`` (NaN
+        without a model), ``ba_cpu_s``: CPU seconds of an iteration of one more bundle adjustment,
+        and ``cloud``: distances of the points to the true surfaces, None where these are not known.
+    """
+    import pycolmap
+
+    model = None if path is None else pycolmap.Reconstruction(path)
+    figures: dict[str, Any] = {**count_points(model), **pose_errors(model, sequence)}
+    if model is None:
+        unknown = dict.fromkeys(("reprojection_px", "focal_error_percent", "ba_cpu_s"), math.nan)
+        return {**figures, **unknown, "observations": 0, "track_length": 0.0, "cloud": None}
+    focal = next(iter(model.cameras.values())).mean_focal_length()
+    return {
+        **figures,
+        "observations": model.compute_num_observations(),
+        "track_length": model.compute_mean_track_length(),
+        "reprojection_px": model.compute_mean_reprojection_error(),
+        "focal_error_percent": 100 * abs(focal / sequence.camera.mean_focal_length() - 1),
+        "cloud": _cloud(model, sequence),
+        "ba_cpu_s": _adjustment_seconds(model),  # last: it changes the model
+    }
+
+
+def judge_draws(
+    method: VectorRun | SiftRun, given: Input, out: Path, sequence: Sequence, samples: list[Sample]
+) -> list[dict[str, Any]]:
+    """Map anew from shares of the points of a run, and compare with the true trajectory.
+
+    Returns
+    -------
+    list of dict
+        ``draw``, ``accepted``, ``registered``, ``ate_percent`` (infinite unless accepted),
+        ``reasons``.
+    """
+    rows: list[dict[str, Any]] = []
+    for sample in samples:
+        with tempfile.TemporaryDirectory(dir=out.parent) as folder:
+            model = method.resample(given, out, Path(folder), sample)
+        delivered = model.reconstruction if model.accepted else None
+        rows.append(
+            {
+                "draw": sample.seed,
+                "accepted": model.accepted,
+                "registered": model.registered,
+                "ate_percent": pose_errors(delivered, sequence)["ate_percent"],
+                "reasons": list(model.reasons),
+            }
+        )
+    return rows
+
+
+def _cloud(model: pycolmap.Reconstruction, sequence: Sequence) -> dict[str, Any] | None:
+    """Return the figures of :mod:`mvmatch.bench.cloud`, m; None where there is no surface."""
+    if sequence.truth is None:
+        return None
+    try:
+        quality = measure_cloud(model, sequence)
+    except DataError:  # composed sequences have none either, and a camera that stands no scale
+        return None
+    scores = [dataclasses.asdict(score) | {"f_score": score.f_score} for score in quality.scores]
+    derived = {"chamfer": quality.chamfer, "hausdorff_95": quality.hausdorff_95, "scores": scores}
+    return dataclasses.asdict(quality) | derived
+
+
+def _adjustment_seconds(model: pycolmap.Reconstruction) -> float:
+    """CPU seconds of an iteration of bundle adjustment on one thread, intrinsics held."""
+    import pycolmap
+
+    adjustment = pycolmap.BundleAdjustmentOptions()
+    adjustment.print_summary = False
+    adjustment.refine_focal_length = adjustment.refine_extra_params = False
+    ceres = adjustment.ceres
+    ceres.use_gpu = False
+    solver = ceres.solver_options
+    solver.num_threads = 1
+    solver.max_num_iterations = BA_ITERATIONS
+    # Not ended by convergence: many iterations make a mean.
+    solver.function_tolerance = solver.gradient_tolerance = solver.parameter_tolerance = 0.0
+    config = pycolmap.BundleAdjustmentConfig()
+    for image_id in model.reg_image_ids():
+        config.add_image(image_id)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    clock = StageClock()
+    with quiet_colmap():
+        adjuster = pycolmap.create_default_ceres_bundle_adjuster(adjustment, config, model)
+        with clock.stage("solve"):
+            summary: Any = adjuster.solve()
+    steps = summary.ceres_summary.num_successful_steps
+    steps += summary.ceres_summary.num_unsuccessful_steps
+    return clock.stages[0].cpu_s / max(1, steps)
