@@ -8,7 +8,6 @@ import av
 import numpy as np
 import pycolmap
 import pytest
-
 from scipy.spatial.distance import cdist
 
 from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps

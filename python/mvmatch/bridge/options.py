@@ -35,7 +35,14 @@ class BridgeOptions:
     """Of the essential matrix that matches of a pair have to keep."""
 
     def __post_init__(self) -> None:
-        for name in ("min_tracks", "reach", "far_reach", "window", "max_num_features", "min_inliers"):
+        for name in (
+            "min_tracks",
+            "reach",
+            "far_reach",
+            "window",
+            "max_num_features",
+            "min_inliers",
+        ):
             if getattr(self, name) < 1:
                 message = f"{name} is {getattr(self, name)}; it must be at least 1"
                 raise ValueError(message)
