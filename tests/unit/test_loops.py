@@ -94,9 +94,10 @@ def test_tracks_lie_where_the_scene_is(
         pair = found.tracks.between(first, second)
         truth, _ = street.transfer(frames[first], frames[second], pair.xy0)
         error = np.linalg.norm(pair.xy1 - truth, axis=1)
-        # A corner before the sky has no place in the scene: not a number.
-        assert np.nanmedian(error) < 0.5
-        assert (error < 2.0).mean() > 0.75
+        known = np.isfinite(error)  # corners of roofs before the sky may have no place in the scene
+        assert known.mean() > 0.5
+        assert np.median(error[known]) < 0.5
+        assert (error[known] < 2.0).mean() > 0.9
 
 
 def test_a_way_that_never_comes_back_has_no_loops(street: SyntheticScene) -> None:
