@@ -47,7 +47,7 @@ def pictures(scene: SyntheticScene, frames: list[int]) -> Iterator[NDArray[np.ui
 def other(seed: int) -> NDArray[np.float64]:
     """(H, W) blotches."""
     coarse = np.random.default_rng(seed).uniform(0, 255, (SIZE[1] // 10, SIZE[0] // 10))
-    return np.kron(coarse, np.ones((10, 10)))
+    return np.kron(coarse, np.ones((10, 10))).astype(np.float64)
 
 
 def closed(scene: SyntheticScene, frames: list[int]) -> Loops:
