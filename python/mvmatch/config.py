@@ -13,7 +13,7 @@ import typing
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from mvmatch.bridge import BridgeOptions
+from mvmatch.bridge import BridgeOptions, LoopOptions
 from mvmatch.encode import EncodeOptions
 from mvmatch.errors import DataError
 from mvmatch.export.verification import VerificationOptions
@@ -50,6 +50,8 @@ class RunOptions:
     """Tracks to tracks aligned to the pictures; off unless enabled."""
     bridge: BridgeOptions = field(default_factory=BridgeOptions)
     """Gaps that vectors leave between pictures, bridged by descriptors."""
+    loops: LoopOptions = field(default_factory=LoopOptions)
+    """Places seen again much later, matched by descriptors; off unless there is a matcher."""
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     """Matches to two-view geometries."""
     mapper: MapperOptions = field(default_factory=MapperOptions)

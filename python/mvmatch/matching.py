@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mvmatch.bridge import BridgeOptions, bridge_tracks
+from mvmatch.bridge import BridgeOptions, LoopOptions, bridge_tracks, close_loops
 from mvmatch.errors import DataError, MvmatchError
 from mvmatch.footage import Footage, FootageObserver, FootageOptions
 from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
+from mvmatch.sfm import choose_keyframes
 from mvmatch.sources import (
     FrameFacts,
     MotionSource,
@@ -67,6 +68,9 @@ class Match:
     (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""
     bridged: tuple[int, ...] = ()
     """Those of them that descriptors bridged."""
+    loops: tuple[tuple[int, int], ...] = ()
+    """Pairs of pictures, the earlier first, that are matched however far apart they are: the same
+    place seen again (:func:`mvmatch.bridge.close_loops`)."""
 
     @property
     def all_tracks(self) -> Tracks:
@@ -193,12 +197,7 @@ def refine_match(
         The pictures cannot be decoded, have another size than the video, or show something else;
         or parts of the stream were skipped, so that nobody knows which picture is which.
     """
-    if is_table(pictures):
-        message = f"{pictures} holds no pictures to refine with. Give the video itself"
-        raise DataError(message)
-    if match.skipped:
-        message = "tracks of a damaged stream that was read on cannot be refined. Do without"
-        raise DataError(message)
+    _require_pictures(match, pictures, "refined")
     decoded = _pictures(match, pictures, stage_progress(progress, "refine"))
     tracks = refine_tracks(match.tracks, decoded, options=options)
     if len(match.tracks) and not len(tracks):
@@ -257,6 +256,63 @@ def bridge_match(
         gaps=bridge.gaps,
         bridged=bridge.bridged,
     )
+
+
+def loop_match(
+    match: Match,
+    pictures: Path,
+    camera: pycolmap.Camera,
+    *,
+    options: LoopOptions,
+    progress: Progress | None = None,
+) -> Match:
+    """Match key frames far apart in time by descriptors where they show the same place.
+
+    Parameters
+    ----------
+    match : Match
+        Of :func:`match_video`.
+    pictures : Path
+        The video, or the video or folder of images it was encoded from.
+    camera : pycolmap.Camera
+        Of the pictures.
+    options : LoopOptions
+        See :func:`mvmatch.bridge.close_loops`.
+    progress : Progress, optional
+        Told after each picture.
+
+    Returns
+    -------
+    Match
+        With more tracks, and with the pairs that they tie together.
+
+    Raises
+    ------
+    UnsupportedError
+        The matcher does not work with the installed pycolmap.
+    DataError
+        The pictures cannot be decoded, or have another size than the video; or parts of the stream
+        were skipped, so that nobody knows which picture is which.
+    """
+    _require_pictures(match, pictures, "looked through for loops")
+    diagonal = float(np.hypot(match.info.width, match.info.height))
+    loops = close_loops(
+        _pictures(match, pictures, stage_progress(progress, "loops")),
+        choose_keyframes(match.tracks, diagonal=diagonal),
+        camera,
+        options=options,
+    )
+    tracks = Tracks.concatenate(match.tracks, loops.tracks)
+    return dataclasses.replace(match, tracks=tracks, loops=loops.pairs)
+
+
+def _require_pictures(match: Match, pictures: Path, what: str) -> None:
+    if is_table(pictures):
+        message = f"{pictures} holds no pictures: it cannot be {what}. Give the video itself"
+        raise DataError(message)
+    if match.skipped:
+        message = f"a damaged stream that was read on cannot be {what}. Do without"
+        raise DataError(message)
 
 
 def _pictures(

@@ -12,15 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mvmatch.errors import DataError
+from mvmatch.pairing import seen_in, shared
 from mvmatch.work import FOLDER
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
     from mvmatch.sfm import DensifySummary, Diagnosis, MapperOptions, ReconstructionResult
-    from mvmatch.types import VideoInfo
+    from mvmatch.types import Tracks, VideoInfo
 
 VIDEO = "encoded.ivf"
 """The input encoded for matching; absent when the input was used as it is."""
@@ -179,6 +183,17 @@ def describe_model(
         "mean_track_length": model.mean_track_length,
         "attempts": [dataclasses.asdict(attempt) for attempt in model.attempts],
     }
+
+
+def with_loops(
+    adjacency: NDArray[np.int64], tracks: Tracks, loops: Collection[tuple[int, int]]
+) -> NDArray[np.int64]:
+    """Return (F, F) counts of matches with those of some pairs of frames, however far apart."""
+    counts = adjacency.copy()
+    near = seen_in(tracks, {frame for pair in loops for frame in pair})
+    for first, second in loops:
+        counts[first, second] = counts[second, first] = len(shared(near, first, second))
+    return counts
 
 
 def _link(source: Path, path: Path) -> None:

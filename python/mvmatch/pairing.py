@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from numpy.typing import NDArray
 
@@ -43,6 +43,26 @@ def frame_pairs(
         last = min(frame + FRAMES, end)
         part = tracks.during(frame, last + gap)
         yield from _parted(part, *_matched(part, np.flatnonzero(part.frame < last), gap))
+
+
+def shared(tracks: Tracks, frame0: int, frame1: int) -> NDArray[np.uint32]:
+    """(M, 2) keypoint numbers of the tracks seen in both of two frames, ordered by track."""
+    first, second = (tracks.track_index[tracks.observations(frame)] for frame in (frame0, frame1))
+    _, *numbers = np.intersect1d(first, second, assume_unique=True, return_indices=True)
+    return np.stack(numbers, axis=1).astype(np.uint32)
+
+
+def seen_in(tracks: Tracks, frames: Collection[int]) -> Tracks:
+    """Return what is observed in some frames; see :meth:`mvmatch.types.Tracks.during`."""
+    return observed(tracks, np.flatnonzero(np.isin(tracks.frame, list(frames))))
+
+
+def observed(tracks: Tracks, rows: NDArray[np.int64]) -> Tracks:
+    """Tracks of (N,) observations, rising; what has none of them is left out."""
+    track = np.searchsorted(tracks.offsets, rows, side="right")
+    starts = np.flatnonzero(np.diff(track, prepend=-1))
+    offsets = np.append(starts, len(rows)).astype(np.int64)
+    return type(tracks)(offsets=offsets, frame=tracks.frame[rows], xy=tracks.xy[rows])
 
 
 def adjacency(tracks: Tracks, num_frames: int, max_gap: int | None) -> NDArray[np.int64]:

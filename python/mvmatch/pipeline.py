@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mvmatch import outputs, stages
+from mvmatch.bridge import require_matcher
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode.frames import open_frames
@@ -18,7 +19,8 @@ from mvmatch.errors import NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
-from mvmatch.stages import Stage, State
+from mvmatch.stages import Stage
+from mvmatch.state import State
 from mvmatch.work import digest, open_work
 
 if TYPE_CHECKING:
@@ -69,9 +71,18 @@ STAGES = (
         is_wanted=stages.has_gaps,
     ),
     Stage(
+        name="loops",
+        title="close loops",
+        needs=("bridge",),
+        depends=stages.loops_depend,
+        make=stages.find_loops,
+        load=stages.load_loops,
+        is_wanted=stages.asks_for_loops,
+    ),
+    Stage(
         name="movers",
         title="find movers",
-        needs=("bridge",),
+        needs=("loops",),
         depends=stages.movers_depend,
         make=stages.find_movers,
         load=stages.load_weights,
@@ -195,6 +206,7 @@ def reconstruct_video(
     source, out = Path(source), Path(out)
     if options.refine.enabled:
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
+    require_matcher(options.loops.matcher)
     outputs.require_ours(out)
     state = State(
         source=source,
@@ -309,7 +321,9 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
 
 def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
     match, model, tracks, options = run.match, run.model, state.tracks, state.options
-    after = tracks.adjacency(match.num_frames, max_gap=state.max_gap)
+    after = outputs.with_loops(
+        tracks.adjacency(match.num_frames, max_gap=state.max_gap), tracks, match.loops
+    )
     lengths = np.diff(tracks.offsets)
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
@@ -342,6 +356,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
         },
         "footage": match.footage.summary(),
         "gaps": {"after": list(match.gaps), "bridged": list(match.bridged)},
+        "loops": [list(pair) for pair in match.loops] if options.loops.matcher != "none" else None,
         "movers": None if run.weights is None else _describe_movers(run.weights, options),
         "adjacency_before": match.structure.adjacency(match.num_frames).tolist(),
         "adjacency_after": after.tolist(),

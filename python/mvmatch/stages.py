@@ -9,25 +9,22 @@ from an interruption has the result of one that was never stopped. The order is 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mvmatch import outputs, products
 from mvmatch.bridge import find_gaps
-from mvmatch.camera import CameraChoice, parse_camera
-from mvmatch.config import RunOptions, to_mapping
+from mvmatch.config import to_mapping
 from mvmatch.encode import encode_video
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
 from mvmatch.geometry.movers import track_weights
-from mvmatch.matching import bridge_match, match_video, refine_match, stage_progress
+from mvmatch.matching import bridge_match, loop_match, match_video, refine_match, stage_progress
 from mvmatch.sfm import (
     DensifySummary,
-    Diagnosis,
     densify,
     diagnose,
     reconstruct,
@@ -42,79 +39,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
-    from mvmatch.encode import EncodeResult
-    from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.matching import Match, Progress
+    from mvmatch.matching import Match
     from mvmatch.products import Facts
-    from mvmatch.sfm import MapperOptions, ReconstructionResult
+    from mvmatch.sfm import MapperOptions
+    from mvmatch.state import State
 
 _WEIGHTS = "weights.npz"
-
-
-@dataclass(kw_only=True, eq=False)
-class State:
-    """What a run was asked for, and what its stages have handed on so far."""
-
-    source: Path
-    options: RunOptions
-    camera: str | None
-    has_to_encode: bool
-    """Whether the source has no motion vectors of its own that are to be used."""
-    masks: bool
-    progress: Progress | None
-    encoding: EncodeResult | None = None
-    match: Match = field(init=False)
-    weights: NDArray[np.float64] | None = None
-    """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
-    database: Path = field(init=False)
-    summary: DatabaseSummary = field(init=False)
-    model: ReconstructionResult = field(init=False)
-    dense: DensifySummary | None = None
-    diagnosis: Diagnosis = field(default_factory=Diagnosis)
-
-    @property
-    def video(self) -> Path:
-        """What motion vectors are read from."""
-        return self.source if self.encoding is None else self.encoding.path
-
-    @cached_property
-    def choice(self) -> CameraChoice:
-        """The camera."""
-        info = self.match.info
-        return parse_camera(self.camera, info.width, info.height, pictures=self.source)
-
-    @property
-    def image_names(self) -> tuple[str, ...]:
-        """Name of the image of every frame."""
-        return self.first_names(self.match.num_frames)
-
-    def first_names(self, num_frames: int) -> tuple[str, ...]:
-        """Return the names of the first images."""
-        if self.encoding is not None and self.encoding.image_names is not None:
-            return self.encoding.image_names[:num_frames]
-        return frame_names(num_frames)
-
-    @property
-    def tracks(self) -> Tracks:
-        """Tracks that go into the database."""
-        if self.weights is None or not self.options.movers.exclude:
-            return self.match.tracks
-        return self.match.tracks.select(self.weights >= self.options.movers.min_weight)
-
-    @property
-    def max_gap(self) -> int | None:
-        """Largest distance of matched frames; where gaps were bridged, it spans the widest."""
-        max_gap = self.options.track.max_gap
-        if max_gap is None or not self.match.bridged:
-            return max_gap
-        return max(max_gap, 2 * self.options.bridge.far_reach - 1)
-
-    def tell(self, stage: str) -> None:
-        """Say that a stage begins that does not say how far it is."""
-        if self.progress is not None:
-            self.progress(stage, 0, None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,6 +187,41 @@ def bridge_depends(state: State) -> Any:
     return [*_camera(state), state.options.bridge]
 
 
+def find_loops(state: State, folder: Path) -> Facts:
+    """Match pictures of the same place far apart in time."""
+    looped = loop_match(
+        state.match,
+        state.source,
+        state.choice.camera,
+        options=state.options.loops,
+        progress=state.progress,
+    )
+    facts = products.write_match_tracks(
+        looped,
+        folder / outputs.TRACKS,
+        image_names=state.image_names,
+        options=to_mapping(state.options.track),
+    )
+    return facts | {"loops": looped.loops}
+
+
+def load_loops(state: State, folder: Path, facts: Facts) -> None:
+    """Take the tracks with those that close loops."""
+    tracks, _, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
+    loops = tuple((first, second) for first, second in facts["loops"])
+    state.match = dataclasses.replace(state.match, tracks=tracks, loops=loops)
+
+
+def asks_for_loops(state: State) -> bool:
+    """Whether descriptors are to look for loops."""
+    return state.options.loops.matcher != "none"
+
+
+def loops_depend(state: State) -> Any:
+    """Return the camera and the options, if loops are looked for."""
+    return [*_camera(state), state.options.loops] if asks_for_loops(state) else None
+
+
 def find_movers(state: State, folder: Path) -> Facts:
     """Weigh each track by how well it agrees with the motion of the camera."""
     weights = track_weights(state.match.tracks, state.choice.camera, options=state.options.movers)
@@ -292,6 +257,7 @@ def make_database(state: State, folder: Path) -> Facts:
         verification=state.options.verification,
         max_gap=state.max_gap,
         further=state.match.further,
+        loops=state.match.loops,
     )
     return dataclasses.asdict(summary)
 
@@ -386,11 +352,6 @@ def one_shot(options: MapperOptions, match: Match) -> MapperOptions:
         min_observations=share * acceptance.min_observations,
     )
     return dataclasses.replace(options, acceptance=acceptance)
-
-
-def frame_names(num_frames: int) -> tuple[str, ...]:
-    """Names of a video's frames in a COLMAP model; they sort in frame order."""
-    return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
 
 
 def _require_tracks(state: State, match: Match) -> None:

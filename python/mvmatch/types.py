@@ -255,16 +255,14 @@ class Tracks:
         """
         import numpy as np
 
+        from mvmatch.pairing import observed
+
         first, last = self._blocks
         found = [np.empty(0, np.int64)]
         for block in np.flatnonzero((first < end) & (last >= start)) * _BLOCK:
             frame = self.frame[block : block + _BLOCK]
             found.append(np.flatnonzero((frame >= start) & (frame < end)) + block)
-        rows = np.concatenate(found)
-        track = np.searchsorted(self.offsets, rows, side="right")
-        starts = np.flatnonzero(np.diff(track, prepend=-1))
-        offsets = np.append(starts, len(rows)).astype(np.int64)
-        return Tracks(offsets=offsets, frame=self.frame[rows], xy=self.xy[rows])
+        return observed(self, np.concatenate(found))
 
     def reach(self, max_gap: int | None = None) -> int:
         """Largest distance in frames between two observations of a track, up to ``max_gap``."""
@@ -330,20 +328,14 @@ class Tracks:
 
     def between(self, frame0: int, frame1: int) -> Correspondences:
         """Points seen in both of two frames, ordered by track; ``xy0`` lies in ``frame0``."""
-        import numpy as np
+        from mvmatch.pairing import shared
 
-        first, second = self.observations(frame0), self.observations(frame1)
-        _, in_first, in_second = np.intersect1d(
-            self.track_index[first],
-            self.track_index[second],
-            assume_unique=True,
-            return_indices=True,
-        )
+        matches = shared(self, frame0, frame1)
         return Correspondences(
             frame0=frame0,
             frame1=frame1,
-            xy0=self.xy[first[in_first]],
-            xy1=self.xy[second[in_second]],
+            xy0=self.keypoints(frame0)[matches[:, 0]],
+            xy1=self.keypoints(frame1)[matches[:, 1]],
         )
 
     def pairs(

@@ -186,6 +186,23 @@ def test_refined_tracks_are_kept_beside_those_they_were_made_from(clip: Path, co
     assert names_made(full_run(clip, copied)) == AFTER_MATCH
 
 
+def test_tracks_that_close_loops_are_kept_beside_those_of_vectors(clip: Path, copied: Path) -> None:
+    # The street is seen again from farther along it.
+    looking = from_mapping({"loops": {"matcher": "sift", "min_apart": 12}}, DENSE)
+    first = full_run(clip, copied, options=looking)
+    assert names_made(first) == ["loops", *AFTER_MATCH]
+    assert first.match.loops
+    assert first.data["loops"] == [list(pair) for pair in first.match.loops]
+    adjacency = first.data["adjacency_after"]
+    assert all(adjacency[i][j] == adjacency[j][i] > 0 for i, j in first.match.loops)
+    again = full_run(clip, copied, options=looking)
+    assert names_made(again) == []
+    assert facts(again) == facts(first)
+    plain = full_run(clip, copied)
+    assert names_made(plain) == AFTER_MATCH
+    assert plain.data["loops"] is None
+
+
 def test_another_camera_leaves_the_tracks(clip: Path, copied: Path) -> None:
     run = full_run(clip, copied, camera="PINHOLE,260.5,260.5,176,100")
     assert names_made(run) == AFTER_MATCH

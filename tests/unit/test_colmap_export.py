@@ -155,3 +155,50 @@ def test_a_database_written_piece_by_piece_is_the_one_written_at_once(tmp_path, 
     pieces, whole = rows("pieces.db", 3), rows("whole.db", 1000)
     assert pieces == whole
     assert [len(table) for table in whole] == [70, 645, 645]
+
+
+def far_apart(tracks: Tracks) -> Tracks:
+    """The same with the third and fourth frame thirty frames later."""
+    frame = np.where(tracks.frame < 2, tracks.frame, tracks.frame + 28).astype(np.int32)
+    return Tracks(offsets=tracks.offsets, frame=frame, xy=tracks.xy)
+
+
+FAR_NAMES = [f"{frame:06d}.png" for frame in range(32)]
+
+
+@pytest.mark.parametrize("mode", ["tracks", "sampled", "all", "trust"])
+def test_pairs_of_a_loop_are_matched_however_far_apart(mode, tmp_path):
+    tracks, path = far_apart(sideways_tracks()), tmp_path / "database.db"
+    summary = write_database(
+        tracks,
+        path,
+        camera=camera(),
+        image_names=FAR_NAMES,
+        max_gap=2,
+        verification=VerificationOptions(mode=mode),
+        loops=[(1, 31), (0, 30), (0, 1), (5, 20)],
+    )
+    with pycolmap.Database.open(path) as database:
+        written = [
+            tuple(pycolmap.pair_id_to_image_pair(pair))
+            for pair in database.read_two_view_geometries()[0]
+        ]
+        for ids in ((1, 31), (2, 32)):
+            inliers = database.read_two_view_geometry(*ids).inlier_matches
+            np.testing.assert_array_equal(inliers, np.repeat(np.arange(60), 2).reshape(60, 2))
+    assert sorted(written) == [(1, 2), (1, 31), (2, 32), (31, 32)]
+    assert summary.num_pairs == summary.num_verified_pairs == 4
+
+
+def test_a_loop_that_no_camera_could_have_made_is_not_verified(tmp_path):
+    tracks, path = far_apart(sideways_tracks()), tmp_path / "database.db"
+    xy = tracks.xy.copy()
+    late = np.flatnonzero(tracks.frame >= 30)
+    xy[late] = np.random.default_rng(0).uniform([0, 0], [640, 480], (len(late), 2))
+    scrambled = Tracks(offsets=tracks.offsets, frame=tracks.frame, xy=xy)
+    write_database(
+        scrambled, path, camera=camera(), image_names=FAR_NAMES, max_gap=2, loops=[(0, 30)]
+    )
+    with pycolmap.Database.open(path) as database:
+        assert database.exists_matches(1, 31)
+        assert not database.exists_two_view_geometry(1, 31)

@@ -179,6 +179,68 @@ def test_short_sequences_and_matches_across_the_whole_are_mapped_as_they_are(tmp
     assert select_keyframes(far, KeyframeOptions(max_images=39, max_reach=10)) is None
 
 
+def there_and_back(half: int) -> tuple[Tracks, list[tuple[int, int]]]:
+    """Tracks of a corridor and of the way back, a few of them tied together at its ends."""
+    there = corridor(half)
+    back = there.frame[::-1]
+    returned = Tracks(
+        offsets=(there.offsets[-1] - there.offsets[::-1]).astype(np.int64),
+        frame=(2 * half - 1 - back).astype(np.int32),
+        xy=there.xy[::-1],
+    )
+    start = (0, 5, 10)
+    rows: list[list[tuple[int, float, float]]] = []
+    for a, b in pairwise(there.offsets.tolist()):
+        seen = {int(f): xy for f, xy in zip(there.frame[a:b], there.xy[a:b].tolist(), strict=True)}
+        if all(frame in seen for frame in start):
+            row = [(frame, *seen[frame]) for frame in start]
+            rows.append(row + [(2 * half - 1 - f, x, y) for f, x, y in reversed(row)])
+    pairs = [(a, 2 * half - 1 - b) for a in start for b in start]
+    return Tracks.concatenate(there, returned, Tracks.from_lists(*rows)), pairs
+
+
+def test_a_loop_is_mapped_by_key_frames_and_ties_its_ends_together(tmp_path):
+    tracks, loops = there_and_back(40)
+    trust = VerificationOptions(mode="trust")
+    path = write(tracks, tmp_path / "database.db", 80, loops=loops, verification=trust)
+    # So few keypoints that nothing but loops would be left of the others.
+    options = KeyframeOptions(max_keypoints=20, max_observations=20)
+    selection = select_keyframes(path, options)
+    assert selection is not None
+    assert {frame for pair in loops for frame in pair} <= set(selection.frames.tolist())
+    within = selection.images.tracks.select(selection.within_model())
+    assert len(within.between(0, 79)) == len(tracks.between(0, 79)) >= 30
+    selection.write_database(path, tmp_path / "keys.db")
+    with pycolmap.Database.open(tmp_path / "keys.db") as database:
+        for first, second in loops:
+            geometry = database.read_two_view_geometry(first + 1, second + 1)
+            assert len(geometry.inlier_matches) == len(tracks.between(first, second))
+
+
+def test_loops_leave_the_other_key_frames_as_they_are(tmp_path):
+    tracks, loops = there_and_back(40)
+    trust = VerificationOptions(mode="trust")
+    plain = write(tracks, tmp_path / "plain.db", 80, verification=trust)
+    tied = write(tracks, tmp_path / "tied.db", 80, loops=loops, verification=trust)
+    without, having = (
+        select_keyframes(path, KeyframeOptions()).frames.tolist() for path in (plain, tied)
+    )
+    assert set(having) <= set(without) | {frame for pair in loops for frame in pair}
+
+
+def test_the_model_of_a_loop_has_points_seen_from_both_ends(tmp_path):
+    tracks, loops = there_and_back(32)
+    path = write(tracks, tmp_path / "database.db", 64, loops=loops)
+    result = reconstruct(path, tmp_path / "sfm")
+    assert result.accepted, result.reasons
+    assert result.num_keyframes < result.registered == 64
+    both = 0
+    for point in result.reconstruction.points3D.values():
+        seen = {element.image_id for element in point.track.elements}
+        both += bool(seen & {1, 6, 11}) and bool(seen & {64, 59, 54})
+    assert both >= 30
+
+
 def test_a_camera_that_stands_still_for_long_gives_no_model_and_says_why(tmp_path):
     generator = np.random.default_rng(0)
     places = generator.uniform([20, 20], [620, 460], (80, 2))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
 
+    from mvmatch.bridge.loops import LoopOptions
     from mvmatch.bridge.options import BridgeOptions
 
 
@@ -34,7 +35,11 @@ class Features:
     @cached_property
     def directions(self) -> NDArray[np.float32]:
         """(K, D) descriptors of length 1."""
-        values = np.asarray(self.descriptors.data, np.float32)
+        import pycolmap
+
+        is_sift = self.descriptors.type == pycolmap.FeatureExtractorType.SIFT
+        data = self.descriptors.data if is_sift else self.descriptors.to_float().data
+        values = np.asarray(data, np.float32)
         return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-6)
 
 
@@ -47,34 +52,9 @@ class DescriptorMatcher:
         The matcher does not work with the installed pycolmap.
     """
 
-    def __init__(self, options: BridgeOptions, camera: pycolmap.Camera) -> None:
-        import pycolmap
-
+    def __init__(self, options: BridgeOptions | LoopOptions, camera: pycolmap.Camera) -> None:
         self._options, self._camera = options, camera
-        sift = options.matcher == "sift"
-        extractors, matchers = pycolmap.FeatureExtractorType, pycolmap.FeatureMatcherType
-        extraction = pycolmap.FeatureExtractionOptions(
-            extractors.SIFT if sift else extractors.ALIKED_N16ROT
-        )
-        extraction.num_threads = 1
-        extraction.use_gpu = False
-        extraction.sift.max_num_features = options.max_num_features
-        # Neighbouring pictures show things alike: no need to double them for the finest scale.
-        extraction.sift.first_octave = 0
-        matching = pycolmap.FeatureMatchingOptions(matchers.ALIKED_LIGHTGLUE)
-        matching.num_threads = 1
-        matching.use_gpu = False
-        cpu = pycolmap.Device.cpu
-        try:
-            with quiet_colmap():
-                self._extractor = pycolmap.FeatureExtractor.create(extraction, cpu)
-                self._matcher = None if sift else pycolmap.FeatureMatcher.create(matching, cpu)
-        except RuntimeError as error:
-            message = (
-                f"pycolmap cannot match with {options.matcher} here: {error} "
-                "Use sift, or install a pycolmap that has it"
-            )
-            raise UnsupportedError(message) from error
+        self._extractor, self._matcher = _engines(options.matcher, options.max_num_features)
 
     def extract(self, luma: NDArray[np.uint8]) -> Features:
         """Features of a picture, (H, W) grey values."""
@@ -94,6 +74,55 @@ class DescriptorMatcher:
         fit = fit_pair(*points, self._camera, self._camera, options=self._options.ransac)
         inliers = matches[fit.inliers]
         return inliers if len(inliers) >= self._options.min_inliers else inliers[:0]
+
+
+def require_matcher(name: str) -> None:
+    """Make sure that a matcher is there, before minutes are spent on what comes before it.
+
+    Parameters
+    ----------
+    name : str
+        ``sift``, ``aliked``, or ``none``, which is always there.
+
+    Raises
+    ------
+    UnsupportedError
+        The matcher does not work with the installed pycolmap.
+    """
+    if name != "none":
+        _engines(name, 1)
+
+
+def _engines(
+    name: str, max_num_features: int
+) -> tuple[pycolmap.FeatureExtractor, pycolmap.FeatureMatcher | None]:
+    """Return what extracts and what matches; None: :func:`mutual_matches` does."""
+    import pycolmap
+
+    sift = name == "sift"
+    extractors, matchers = pycolmap.FeatureExtractorType, pycolmap.FeatureMatcherType
+    extraction = pycolmap.FeatureExtractionOptions(
+        extractors.SIFT if sift else extractors.ALIKED_N16ROT
+    )
+    extraction.num_threads = 1
+    extraction.use_gpu = False
+    extraction.sift.max_num_features = max_num_features
+    # Neighbouring pictures show things alike: no need to double them for the finest scale.
+    extraction.sift.first_octave = 0
+    matching = pycolmap.FeatureMatchingOptions(matchers.ALIKED_LIGHTGLUE)
+    matching.num_threads = 1
+    matching.use_gpu = False
+    cpu = pycolmap.Device.cpu
+    try:
+        with quiet_colmap():
+            extractor = pycolmap.FeatureExtractor.create(extraction, cpu)
+            return extractor, None if sift else pycolmap.FeatureMatcher.create(matching, cpu)
+    except RuntimeError as error:
+        message = (
+            f"pycolmap cannot match with {name} here: {error} "
+            "Use sift, or install a pycolmap that has it"
+        )
+        raise UnsupportedError(message) from error
 
 
 def mutual_matches(

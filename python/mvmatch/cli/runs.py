@@ -14,12 +14,14 @@ from mvmatch.cli.settings import (
     BridgeMatcher,
     ExistingPath,
     Json,
+    LoopMatcher,
     Output,
     Refine,
     Settings,
     UsageError,
     with_bridge,
     with_encoder,
+    with_loops,
     with_refinement,
 )
 from mvmatch.encode import EncoderName
@@ -38,6 +40,7 @@ def run(
     mapper: Mapper = None,
     refine: Refine = False,
     bridge: BridgeMatcher = None,
+    loops: LoopMatcher = None,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
     masks: Annotated[bool, Parameter(negative="")] = False,
     fresh: Annotated[bool, Parameter(negative="")] = False,
@@ -65,7 +68,8 @@ def run(
         Only print the effective options as TOML.
     """
     options = with_encoder((settings or Settings()).options(), encoder)
-    options = with_mapper(with_refinement(with_bridge(options, bridge), refine), mapper)
+    options = with_loops(with_bridge(options, bridge), loops)
+    options = with_mapper(with_refinement(options, refine), mapper)
     if print_config:
         from mvmatch.config import to_toml
 
@@ -108,6 +112,7 @@ def run_outcome(made: Run) -> Outcome:
             "tracks": f"{len(made.match.tracks):,}{_moving(made)}; "
             f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
+            **_loops(made),
             **model_figures(made.model),
             **({} if made.dense is None else {"dense": f"{made.dense.num_points:,} points"}),
             **_cost(made),
@@ -148,6 +153,14 @@ def _cost(made: Run) -> dict[str, str]:
     if spent:
         figures["cost"] = f"{cost}; {sum(stage['cpu_s'] for stage in spent):.1f} CPU s"
     return figures
+
+
+def _loops(made: Run) -> dict[str, str]:
+    """Return how many loops were closed, where they were looked for."""
+    if made.data["loops"] is None:
+        return {}
+    found = len(made.match.loops)
+    return {"loops": f"{found} image pairs far apart" if found else "no place was seen again"}
 
 
 def _images(made: Run) -> Path:

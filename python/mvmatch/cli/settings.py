@@ -130,6 +130,22 @@ def with_bridge(options: RunOptions, matcher: BridgeMatcher) -> RunOptions:
     return replace(options, bridge=replace(options.bridge, matcher=matcher))
 
 
+LoopMatcher = Annotated[
+    Literal["sift", "aliked", "none"] | None,
+    Parameter(
+        help="What ties places together that the camera comes back to: descriptors by pycolmap "
+        "(sift; aliked where pycolmap has it), or nothing (the default)."
+    ),
+]
+
+
+def with_loops(options: RunOptions, matcher: LoopMatcher) -> RunOptions:
+    """Return the options with another matcher for loops, if one was named."""
+    if matcher is None:
+        return options
+    return replace(options, loops=replace(options.loops, matcher=matcher))
+
+
 def with_encoder(options: RunOptions, encoder: Any) -> RunOptions:
     """Return the options with another encoder, if one was named."""
     if encoder is None:

@@ -171,7 +171,7 @@ def track(
         The Parquet file to write.
     """
     from mvmatch.matching import match_video, refine_match
-    from mvmatch.stages import frame_names
+    from mvmatch.state import frame_names
     from mvmatch.store import TracksTable, write_tracks
 
     chosen = with_refinement((settings or Settings()).options(), refine)

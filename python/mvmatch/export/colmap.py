@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch.errors import DataError
-from mvmatch.export.verification import VerificationOptions, verify_tracks
+from mvmatch.export.verification import VerificationOptions, verify_pairs, verify_tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Sequence
+    from collections.abc import Collection, Generator, Iterator, Sequence
     from pathlib import Path
 
     import pycolmap
@@ -62,6 +62,7 @@ def write_database(
     verification: VerificationOptions | None = None,
     max_gap: int | None = 10,
     further: Tracks | None = None,
+    loops: Collection[tuple[int, int]] = (),
 ) -> DatabaseSummary:
     """Write tracks as keypoints, matches and two-view geometries of a new COLMAP database.
 
@@ -82,6 +83,9 @@ def write_database(
     further : Tracks, optional
         Tracks that are not matched. Their keypoints follow the others of each image, so a model
         made of the database has a place for them (:func:`mvmatch.sfm.densify`).
+    loops : collection of (int, int), optional
+        Frame pairs that are matched even if further apart than ``max_gap``, the earlier first;
+        each is estimated (:func:`mvmatch.export.verification.verify_pairs`).
 
     Returns
     -------
@@ -102,6 +106,10 @@ def write_database(
         writer = _PairWriter(database)
         for pair in verify_tracks(tracks, camera, options=options, max_gap=max_gap):
             writer.add(pair)
+        if max_gap is not None:
+            far = [pair for pair in loops if pair[1] - pair[0] > max_gap]
+            for pair in verify_pairs(tracks, far, camera, options=options):
+                writer.add(pair)
     return DatabaseSummary(
         num_images=len(image_names),
         num_keypoints=sum(part.num_observations for part in parts),

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mvmatch.geometry.two_view import RansacOptions, fit_pair
+from mvmatch.pairing import seen_in, shared
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     import pycolmap
     from numpy.typing import NDArray
@@ -109,6 +110,44 @@ def verify_tracks(
                 fit = _estimate(near, pair, camera, options)
                 inliers = fit.inliers
             yield _verified(pair, inliers, fit)
+
+
+def verify_pairs(
+    tracks: Tracks,
+    frames: Collection[tuple[int, int]],
+    camera: pycolmap.Camera,
+    *,
+    options: VerificationOptions | None = None,
+) -> Iterator[VerifiedPair]:
+    """Judge the matches of single frame pairs, each by a geometry of its own.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        Observations in px, COLMAP origin.
+    frames : collection of (int, int)
+        Pairs, the earlier frame first; those that share no track are left out.
+    camera : pycolmap.Camera
+        The one camera of the video.
+    options : VerificationOptions, optional
+        Of the estimation; mode ``trust`` estimates nothing.
+
+    Yields
+    ------
+    VerifiedPair
+        In rising order of the frames.
+    """
+    options = options or VerificationOptions()
+    near = seen_in(tracks, {frame for pair in frames for frame in pair})
+    for frame0, frame1 in sorted(frames):
+        pair = frame0, frame1, shared(near, frame0, frame1)
+        if len(pair[2]) == 0:
+            continue
+        if options.mode == "trust":
+            yield _verified(pair, np.ones(len(pair[2]), np.bool_), None)
+        else:
+            fit = _estimate(near, pair, camera, options)
+            yield _verified(pair, fit.inliers, fit)
 
 
 def _verified(pair: Pair, inliers: NDArray[np.bool_], fit: PairGeometry | None) -> VerifiedPair:

@@ -162,6 +162,7 @@ def matches(facts: Facts) -> str:
          f"{_count(found.get('num_verified_pairs'))} verified"),
         ("Matches", f"{_count(found.get('num_matches'))}, "
          f"{_count(found.get('num_inliers'))} kept as inliers"),
+        *_loops(facts),
     ]  # fmt: skip
     charts = "".join(
         _figure(
@@ -226,6 +227,13 @@ def scores(facts: Facts) -> str:
     return _section(
         "Two-view geometry", f'<div class="charts">{figures}</div>{_distance_table(found)}'
     )
+
+
+def _loops(facts: Facts) -> list[tuple[str, str]]:
+    """Pairs of images far apart in time, where they were looked for."""
+    if facts.get("loops") is None:
+        return []
+    return [("Image pairs of closed loops", _count(len(items(facts, "loops"))))]
 
 
 def _dense(found: Facts) -> list[tuple[str, str]]:

@@ -45,8 +45,8 @@ class DatabaseFacts:
     """What a database tells without its matches being read."""
 
     num_images: int
-    max_reach: int
-    """Images, in the order of their ids, from one to the other of a verified pair, at most."""
+    pairs: NDArray[np.int64]
+    """(P, 2) positions, in the order of their ids, of the images of every verified pair, rising."""
     has_rigs: bool
     """Whether images share frames, as those of several cameras on one rig do."""
     size: tuple[int, int]
@@ -65,7 +65,7 @@ def read_facts(path: Path) -> DatabaseFacts:
     return DatabaseFacts(
         num_images=len(image_ids),
         has_rigs=has_rigs,
-        max_reach=max((later - earlier for earlier, later in pairs), default=0),
+        pairs=np.array(sorted(pairs), np.int64).reshape(-1, 2),
         size=(
             max((camera.width for camera in cameras), default=0),
             max((camera.height for camera in cameras), default=0),

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mvmatch.filters import within_budget
+from mvmatch.pairing import shared
 from mvmatch.sfm.database import (
     MIN_MATCHES,
     ImageTracks,
@@ -25,6 +26,7 @@ from mvmatch.sfm.database import (
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -40,11 +42,14 @@ class KeyframeOptions:
 
     mode: Literal["auto", "all"] = "auto"
     """``all`` maps every image. ``auto`` maps key frames where there are more than ``max_images``
-    images of one moving camera: no verified pair is farther apart than ``max_reach``, no rig."""
+    images of one moving camera: hardly any verified pair is farther apart than ``max_reach``, no
+    rig."""
     max_images: int = 60
     """So many images are mapped all."""
     max_reach: int = 32
-    """Images."""
+    """Images. Pairs farther apart close loops; their images are key frames."""
+    max_looped: float = 0.5
+    """Share of the images that such pairs may have: more, and it is no video matched along time."""
     min_displacement: float = 0.05
     """Share of the picture's diagonal; a key frame follows where the median track has moved so far
     since the last one."""
@@ -125,6 +130,8 @@ class KeyframeSelection:
     """Of all images."""
     frames: NDArray[np.int64]
     """(K,) positions of the key frames among the images, rising."""
+    loops: NDArray[np.int64]
+    """(L, 2) positions of the key frames of pairs that close loops."""
     size: tuple[int, int]
     """Width and height of the picture, px."""
     options: KeyframeOptions
@@ -154,13 +161,20 @@ class KeyframeSelection:
                     axis=1,
                 ),
             )
-            for first, second, pairs in tracks.pairs(self.options.window)
+            for first, second, pairs in self._pairs(tracks)
             if len(pairs) >= MIN_MATCHES
         ]
         write_subset(source, path, image_ids=self.image_ids, matches=matches)
 
+    def _pairs(self, tracks: Tracks) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
+        """Key frames, numbered through, that are matched: those near each other, and loops."""
+        yield from tracks.pairs(self.options.window)
+        for first, second in np.searchsorted(self.frames, self.loops).tolist():
+            if second - first > self.options.window:
+                yield first, second, shared(tracks, first, second)
+
     def within_model(self) -> NDArray[np.bool_]:
-        """(T,) tracks that have a place in the finished model."""
+        """(T,) tracks that have a place in the finished model; those that close loops always do."""
         tracks = self.images.tracks
         bounds: list[int] = []
         if self.options.max_observations is not None:
@@ -169,7 +183,8 @@ class KeyframeSelection:
             bounds.append(max(1, self.options.max_total // self.num_images))
         if not bounds:
             return np.ones(len(tracks), np.bool_)
-        return within_budget(tracks, max_keypoints=min(bounds), size=self.size)
+        keep = within_budget(tracks, max_keypoints=min(bounds), size=self.size)
+        return keep | closes_loop(tracks, self.options)
 
     def _between_keyframes(self) -> tuple[Tracks, NDArray[np.uint32]]:
         """Tracks over key frames, numbered through, and the keypoint of each observation."""
@@ -185,6 +200,7 @@ class KeyframeSelection:
         if self.options.max_keypoints is None:
             return between, keypoint
         keep = within_budget(between, max_keypoints=self.options.max_keypoints, size=self.size)
+        keep |= closes_loop(tracks, self.options)[np.unique(tracks.track_index[observed])]
         return between.select(keep), keypoint[keep[between.track_index]]
 
 
@@ -199,15 +215,33 @@ def select_keyframes(path: Path, options: KeyframeOptions) -> KeyframeSelection 
     if options.mode == "all":
         return None
     facts = read_facts(path)
-    is_long = facts.num_images > options.max_images
-    if not is_long or facts.has_rigs or facts.max_reach > options.max_reach:
+    loops = facts.pairs[facts.pairs[:, 1] - facts.pairs[:, 0] > options.max_reach]
+    is_video = len(np.unique(loops)) <= options.max_looped * facts.num_images
+    if facts.num_images <= options.max_images or facts.has_rigs or not is_video:
         return None
     images = read_image_tracks(path)
     diagonal = float(np.hypot(*facts.size))
-    frames = choose_keyframes(images.tracks, diagonal=diagonal, options=options)
+    # What closes loops is seen in few pictures, and would say that tracks end soon.
+    tracks = images.tracks.select(~closes_loop(images.tracks, options))
+    frames = choose_keyframes(tracks, diagonal=diagonal, options=options)
     if len(frames) < MIN_KEYFRAMES:
         return None
-    return KeyframeSelection(images=images, frames=frames, size=facts.size, options=options)
+    return KeyframeSelection(
+        images=images,
+        frames=np.union1d(frames, loops),
+        loops=loops,
+        size=facts.size,
+        options=options,
+    )
+
+
+def closes_loop(tracks: Tracks, options: KeyframeOptions) -> NDArray[np.bool_]:
+    """(T,) tracks that end, and are seen again so much later that nothing else leads there."""
+    step = np.diff(tracks.frame)
+    far = (step > options.max_reach) & (np.diff(tracks.track_index) == 0)
+    closes = np.zeros(len(tracks), np.bool_)
+    closes[tracks.track_index[1:][far]] = True
+    return closes
 
 
 def _observed(tracks: Tracks, observed: NDArray[np.bool_], frame: NDArray[np.int32]) -> Tracks:

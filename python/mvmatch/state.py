@@ -1,0 +1,92 @@
+"""What the stages of a run hand on to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from mvmatch.camera import CameraChoice, parse_camera
+from mvmatch.sfm import Diagnosis
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mvmatch.config import RunOptions
+    from mvmatch.encode import EncodeResult
+    from mvmatch.export.colmap import DatabaseSummary
+    from mvmatch.matching import Match, Progress
+    from mvmatch.sfm import DensifySummary, ReconstructionResult
+    from mvmatch.types import Tracks
+
+
+@dataclass(kw_only=True, eq=False)
+class State:
+    """What a run was asked for, and what its stages have handed on so far."""
+
+    source: Path
+    options: RunOptions
+    camera: str | None
+    has_to_encode: bool
+    """Whether the source has no motion vectors of its own that are to be used."""
+    masks: bool
+    progress: Progress | None
+    encoding: EncodeResult | None = None
+    match: Match = field(init=False)
+    weights: NDArray[np.float64] | None = None
+    """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
+    database: Path = field(init=False)
+    summary: DatabaseSummary = field(init=False)
+    model: ReconstructionResult = field(init=False)
+    dense: DensifySummary | None = None
+    diagnosis: Diagnosis = field(default_factory=Diagnosis)
+
+    @property
+    def video(self) -> Path:
+        """What motion vectors are read from."""
+        return self.source if self.encoding is None else self.encoding.path
+
+    @cached_property
+    def choice(self) -> CameraChoice:
+        """The camera."""
+        info = self.match.info
+        return parse_camera(self.camera, info.width, info.height, pictures=self.source)
+
+    @property
+    def image_names(self) -> tuple[str, ...]:
+        """Name of the image of every frame."""
+        return self.first_names(self.match.num_frames)
+
+    def first_names(self, num_frames: int) -> tuple[str, ...]:
+        """Return the names of the first images."""
+        if self.encoding is not None and self.encoding.image_names is not None:
+            return self.encoding.image_names[:num_frames]
+        return frame_names(num_frames)
+
+    @property
+    def tracks(self) -> Tracks:
+        """Tracks that go into the database."""
+        if self.weights is None or not self.options.movers.exclude:
+            return self.match.tracks
+        return self.match.tracks.select(self.weights >= self.options.movers.min_weight)
+
+    @property
+    def max_gap(self) -> int | None:
+        """Largest distance of matched frames; where gaps were bridged, it spans the widest."""
+        max_gap = self.options.track.max_gap
+        if max_gap is None or not self.match.bridged:
+            return max_gap
+        return max(max_gap, 2 * self.options.bridge.far_reach - 1)
+
+    def tell(self, stage: str) -> None:
+        """Say that a stage begins that does not say how far it is."""
+        if self.progress is not None:
+            self.progress(stage, 0, None)
+
+
+def frame_names(num_frames: int) -> tuple[str, ...]:
+    """Names of a video's frames in a COLMAP model; they sort in frame order."""
+    return tuple(f"frame_{frame:06d}.png" for frame in range(num_frames))
