@@ -14,11 +14,12 @@ from mvmatch import outputs, stages
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode.frames import open_frames
-from mvmatch.errors import NotAv1Error
+from mvmatch.errors import DataError, NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
 from mvmatch.stages import Stage, State
+from mvmatch.store import is_table
 from mvmatch.work import digest, open_work
 
 if TYPE_CHECKING:
@@ -112,6 +113,15 @@ STAGES = (
         is_wanted=lambda state: state.model.accepted and len(state.match.further) > 0,
     ),
     Stage(
+        name="undistort",
+        title="undistort",
+        needs=("densify",),
+        depends=lambda _: None,
+        make=stages.undistort,
+        load=stages.load_nothing,
+        is_wanted=lambda state: state.undistort and state.model.accepted,
+    ),
+    Stage(
         name="diagnose",
         title="diagnose",
         needs=("densify",),
@@ -146,7 +156,7 @@ class Run:
     """The report (docs/reference/report-schema.md)."""
 
 
-def reconstruct_video(
+def reconstruct_video(  # noqa: PLR0913
     source: Path,
     out: Path,
     *,
@@ -154,6 +164,7 @@ def reconstruct_video(
     options: RunOptions | None = None,
     reencode: bool = False,
     masks: bool = False,
+    undistort: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
 ) -> Run:
@@ -175,6 +186,9 @@ def reconstruct_video(
         Encode AV1 input anew instead of using it as it is.
     masks : bool
         Write a mask per picture: moving objects and static overlays black.
+    undistort : bool
+        Write ``out/undistorted``: ``images`` without distortion, and ``sparse/0`` with the pinhole
+        cameras they have (:mod:`mvmatch.export.undistorted`); nothing where no model holds.
     fresh : bool
         Use nothing that an earlier run has made.
     progress : Progress, optional
@@ -195,6 +209,9 @@ def reconstruct_video(
     source, out = Path(source), Path(out)
     if options.refine.enabled:
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
+    if undistort and is_table(source):
+        message = f"{source} holds no pictures to undistort. Give the video itself"
+        raise DataError(message)
     outputs.require_ours(out)
     state = State(
         source=source,
@@ -202,6 +219,7 @@ def reconstruct_video(
         camera=camera,
         has_to_encode=_has_to_encode(source, options, reencode=reencode),
         masks=masks,
+        undistort=undistort,
         progress=progress,
     )
     _check_camera(state)

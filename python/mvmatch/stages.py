@@ -23,6 +23,7 @@ from mvmatch.encode import encode_video
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
+from mvmatch.export.undistorted import write_undistorted
 from mvmatch.geometry.movers import track_weights
 from mvmatch.matching import bridge_match, match_video, refine_match, stage_progress
 from mvmatch.sfm import (
@@ -63,6 +64,7 @@ class State:
     has_to_encode: bool
     """Whether the source has no motion vectors of its own that are to be used."""
     masks: bool
+    undistort: bool
     progress: Progress | None
     encoding: EncodeResult | None = None
     match: Match = field(init=False)
@@ -348,6 +350,21 @@ def load_denser(state: State, folder: Path, facts: Facts) -> None:
     """Take the denser model; what the mapper said of its own stays."""
     state.dense = DensifySummary(**facts)
     state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+
+
+def undistort(state: State, folder: Path) -> Facts:
+    """Write the pictures of the source without distortion, and the model that they fit."""
+    assert state.model.reconstruction is not None
+    missing = len(state.match.skipped) or write_undistorted(
+        state.model.reconstruction,
+        state.source,
+        folder / outputs.UNDISTORTED,
+        progress=stage_progress(state.progress, "undistort"),
+    )
+    if missing:
+        message = f"{state.source} is damaged: nobody knows which of its pictures is which image"
+        raise DataError(f"{message}. Do without --undistort")
+    return {}
 
 
 def find_faults(state: State, folder: Path) -> Facts:  # noqa: ARG001

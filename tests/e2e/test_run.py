@@ -6,6 +6,7 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pycolmap
 import pytest
 
 from mvmatch.cli import main
@@ -119,6 +120,36 @@ def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Pa
     assert report["footage"]["cuts"] == report["footage"]["repeats"] == []
     assert main(words) == 0
     assert not (tmp_path / "masks").exists()
+
+
+def test_a_workspace_for_splatting_is_made_on_request(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    words = ["run", str(data / "drive.ivf"), "-o", str(tmp_path), "--undistort"]
+    assert main([*words, "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
+    workspace = tmp_path / "undistorted"
+    assert str(workspace) in capsys.readouterr().out
+    made = pycolmap.Reconstruction(workspace / "sparse" / "0")
+    model = pycolmap.Reconstruction(tmp_path / "sparse" / "0")
+    assert [camera.model.name for camera in made.cameras.values()] == ["PINHOLE"]
+    assert [camera.model.name for camera in model.cameras.values()] == ["SIMPLE_RADIAL"]
+    names = sorted(path.name for path in (workspace / "images").iterdir())
+    assert names == sorted(image.name for image in made.images.values())
+    assert made.num_points3D() == model.num_points3D()
+    assert np.mean([point.color.any() for point in made.points3D.values()]) > 0.99
+    words.remove("--undistort")
+    assert main([*words, "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
+    assert not workspace.exists()
+
+
+def test_a_motion_table_has_no_pictures_to_undistort(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    table, out = tmp_path / "motion.parquet", tmp_path / "out"
+    assert main(["extract", str(data / "drive.ivf"), str(table)]) == 0
+    assert main(["run", str(table), "-o", str(out), "--undistort"]) == 1
+    assert "holds no pictures to undistort" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_a_long_video_has_a_pose_for_every_frame_though_few_are_mapped(

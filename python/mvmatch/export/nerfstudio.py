@@ -115,7 +115,7 @@ def _camera_model(camera: pycolmap.Camera) -> str:
     if name not in _PERSPECTIVE or (name == "FULL_OPENCV" and rational):
         raise DataError(
             f"nerfstudio has no camera model like COLMAP's {name}. Undistort the images "
-            "(colmap image_undistorter) and convert the model of the undistorted ones"
+            "(--to undistorted) and convert the model of the undistorted ones"
         )
     return "OPENCV"
 
