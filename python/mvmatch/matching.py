@@ -81,7 +81,7 @@ class Match:
     @property
     def warnings(self) -> list[str]:
         """What makes matching hard, and damage, in sentences."""
-        found = self.structure.warnings(self.frames) + self.footage.warnings()
+        found = self.structure.warnings(self.frames) + self.footage.warnings(len(self.tracks.frame))
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
         if self.bridged:
