@@ -64,6 +64,19 @@ def test_images_of_another_folder_are_named_in_transforms(stored, images, tmp_pa
     assert [path.resolve() for path in paths] == [(images / name).resolve() for name in NAMES]
 
 
+def test_masks_are_named_in_transforms(stored, images, tmp_path, capsys):
+    out = tmp_path / "deep" / "out"
+    words = [stored, out, "--to", "nerfstudio", "--images", images, "--masks", tmp_path / "masks"]
+    (tmp_path / "masks").mkdir()
+    for name in NAMES:
+        (tmp_path / "masks" / f"{name}.png").touch()
+    converted(capsys, *words)
+    document = json.loads((out / "transforms.json").read_text())
+    paths = [out / frame["mask_path"] for frame in document["frames"]]
+    assert [path.resolve().name for path in paths] == [f"{name}.png" for name in NAMES]
+    assert all(path.is_file() for path in paths)
+
+
 def test_the_frames_of_a_video_are_written_for_nerfstudio(make_model, data, tmp_path, capsys):
     clip, out = data / "svt_flat_p8.mp4", tmp_path / "out"
     size = pycolmap_size(clip)
@@ -130,6 +143,7 @@ def test_kitti_says_which_frame_its_first_line_is(stored, tmp_path, capsys):
         ["--to", "tum", "--fps", "nan"],
         ["--to", "tum", "--images", "."],
         ["--to", "undistorted"],
+        ["--to", "ply", "--masks", "."],
     ],
 )
 def test_words_that_do_not_fit_are_refused_before_anything_is_read(words, tmp_path, capsys):

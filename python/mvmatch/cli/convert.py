@@ -36,6 +36,7 @@ def convert(
     *,
     to: Target,
     images: ExistingPath | None = None,
+    masks: ExistingPath | None = None,
     timestamps: ExistingFile | None = None,
     fps: float | None = None,
     json: Json = False,
@@ -55,12 +56,14 @@ def convert(
     images
         Folder of the images, or the video: colours the points. For undistorted it has to be given;
         for nerfstudio the frames of a video are written to OUT/images.
+    masks
+        For nerfstudio: folder of masks, such as out/masks of `mvmatch run --masks`.
     timestamps
         For tum: the video, or a text file with the time of each frame in s.
     fps
         For tum: frames per s. Without it and --timestamps the frame number is the timestamp.
     """
-    _check_words(to, images, timestamps, fps)
+    _check_words(to, images, masks, timestamps, fps)
     from mvmatch.export.model import read_model
 
     with Ticker() as tell:
@@ -77,7 +80,9 @@ def convert(
             assert images is not None
             facts = _write_undistorted(found, out, images, functools.partial(tell, "undistort"))
         else:
-            facts = _write(found, out, to, images=images, timestamps=timestamps, fps=fps)
+            facts = _write(
+                found, out, to, images=images, masks=masks, timestamps=timestamps, fps=fps
+            )
     if facts.get("missing"):
         warnings.append(
             f"{facts['missing']} pictures are not in {images}: they are left out of the model."
@@ -104,8 +109,14 @@ def convert(
 
 
 def _check_words(
-    to: Target, images: Path | None, timestamps: Path | None, fps: float | None
+    to: Target,
+    images: Path | None,
+    masks: Path | None,
+    timestamps: Path | None,
+    fps: float | None,
 ) -> None:
+    if to != "nerfstudio" and masks is not None:
+        raise UsageError("--masks is for --to nerfstudio")
     if to != "tum" and (timestamps is not None or fps is not None):
         raise UsageError("--timestamps and --fps are for --to tum")
     if timestamps is not None and fps is not None:
@@ -140,6 +151,7 @@ def _write(
     to: Target,
     *,
     images: Path | None,
+    masks: Path | None,
     timestamps: Path | None,
     fps: float | None,
 ) -> dict[str, Any]:
@@ -157,7 +169,7 @@ def _write(
 
         write_ply(model, out)
     elif to == "nerfstudio":
-        _write_nerfstudio(model, out, images)
+        _write_nerfstudio(model, out, images, masks)
     elif to == "kitti":
         from mvmatch.export.trajectory import write_kitti
 
@@ -178,14 +190,16 @@ def _write_undistorted(
     return {"missing": write_undistorted(model, images, out, progress=progress)}
 
 
-def _write_nerfstudio(model: pycolmap.Reconstruction, out: Path, images: Path | None) -> None:
+def _write_nerfstudio(
+    model: pycolmap.Reconstruction, out: Path, images: Path | None, masks: Path | None
+) -> None:
     from mvmatch.export.nerfstudio import IMAGES, write_nerfstudio
     from mvmatch.export.pictures import write_frames
 
     if images is not None and images.is_file():
         write_frames(model, images, out / IMAGES)
         images = None
-    write_nerfstudio(model, out, images=images)
+    write_nerfstudio(model, out, images=images, masks=masks)
 
 
 def _write_tum(
