@@ -67,6 +67,9 @@ class Match:
     (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""
     bridged: tuple[int, ...] = ()
     """Those of them that descriptors bridged."""
+    unreadable: str | None = None
+    """Why descriptors could not be asked everywhere: what is wrong with the first picture that
+    cannot be decoded, or has another size."""
 
     @property
     def all_tracks(self) -> Tracks:
@@ -88,6 +91,12 @@ class Match:
             found.append(
                 f"Motion vectors leave {len(self.gaps)} gaps between pictures; {len(self.bridged)} "
                 "of them were bridged by matching descriptors, which takes longer."
+            )
+        if self.unreadable is not None:
+            left = [gap for gap in self.gaps if gap not in self.bridged]
+            found.append(
+                f"Motion vectors leave {len(left)} gaps between pictures that were not bridged by "
+                f"descriptors: not all pictures could be read. {self.unreadable}"
             )
         return [*skipped_warnings(self.skipped), *found]
 
@@ -233,17 +242,26 @@ def bridge_match(
     Returns
     -------
     Match
-        With more tracks, and without the cuts, breaks and jumps that were bridged.
+        With more tracks, and without the cuts, breaks and jumps that were bridged. Gaps at and
+        after a picture that cannot be decoded, or has another size, stay: ``unreadable`` says why.
 
     Raises
     ------
     UnsupportedError
         The matcher does not work with the installed pycolmap.
-    DataError
-        The pictures cannot be decoded, or have another size than the video.
+    FileNotFoundError
+        There are no such pictures.
     """
+    faults: list[str] = []
+
+    def readable() -> Iterator[NDArray[np.uint8]]:
+        try:
+            yield from _pictures(match, pictures, stage_progress(progress, "bridge"))
+        except DataError as error:
+            faults.append(str(error))
+
     bridge = bridge_tracks(
-        lambda: _pictures(match, pictures, stage_progress(progress, "bridge")),
+        readable,
         match.tracks,
         camera,
         num_frames=match.num_frames,
@@ -256,6 +274,7 @@ def bridge_match(
         footage=match.footage.without({gap + 1 for gap in bridge.bridged}),
         gaps=bridge.gaps,
         bridged=bridge.bridged,
+        unreadable=faults[0] if faults and bridge.gaps != bridge.bridged else None,
     )
 
 

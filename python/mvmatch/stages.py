@@ -225,7 +225,8 @@ def bridge(state: State, folder: Path) -> Facts:
         image_names=state.image_names,
         options=to_mapping(state.options.track),
     )
-    return facts | {"gaps": bridged.gaps, "bridged": bridged.bridged}
+    names = ("gaps", "bridged", "unreadable")
+    return facts | {name: getattr(bridged, name) for name in names}
 
 
 def load_bridge(state: State, folder: Path, facts: Facts) -> None:
@@ -237,6 +238,7 @@ def load_bridge(state: State, folder: Path, facts: Facts) -> None:
         footage=state.match.footage.without({gap + 1 for gap in facts["bridged"]}),
         gaps=tuple(facts["gaps"]),
         bridged=tuple(facts["bridged"]),
+        unreadable=facts["unreadable"],
     )
 
 
