@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from mvmatch.types import MotionField, Tracks
 
 
+MIN_OVERLAY_DENSITY = 0.1
+"""Observations per area on overlays, over those of the whole picture. A far sky between houses can
+stand still like an overlay, but carries hardly a point: 0.015 of the usual density in the demo,
+where logos have 0.4 and more (docs/explanation/moving-objects.md)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FootageOptions:
     """What is looked for in the footage."""
@@ -47,8 +53,8 @@ class Footage:
     breaks: tuple[int, ...]
     """First pictures of parts that no track connects: cuts, key frames, damage."""
 
-    def warnings(self) -> list[str]:
-        """Say in whole sentences what it means for a model."""
+    def warnings(self, num_observations: int) -> list[str]:
+        """Say in whole sentences what it means for a model, whose tracks have so many points."""
         found: list[str] = []
         if self.cuts:
             found.append(
@@ -72,7 +78,8 @@ class Footage:
                 f"Pictures that show the one before them again: {_listed(self.repeats)}, "
                 f"{len(self.repeats)} in all. They add no baseline."
             )
-        if self.num_overlay_observations:
+        usual = self.overlays.mean_area_share * (num_observations + self.num_overlay_observations)
+        if self.num_overlay_observations > MIN_OVERLAY_DENSITY * usual:
             found.append(
                 f"Static overlays cover up to {self.overlays.area_share:.1%} of the picture: "
                 f"{self.num_overlay_observations:,} observations on them were left out. "

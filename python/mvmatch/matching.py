@@ -71,6 +71,9 @@ class Match:
     loops: tuple[tuple[int, int], ...] = ()
     """Pairs of pictures, the earlier first, that are matched however far apart they are: the same
     place seen again (:func:`mvmatch.bridge.close_loops`)."""
+    unreadable: str | None = None
+    """Why descriptors could not be asked everywhere: what is wrong with the first picture that
+    cannot be decoded, or has another size."""
 
     @property
     def all_tracks(self) -> Tracks:
@@ -85,13 +88,19 @@ class Match:
     @property
     def warnings(self) -> list[str]:
         """What makes matching hard, and damage, in sentences."""
-        found = self.structure.warnings(self.frames) + self.footage.warnings()
+        found = self.structure.warnings(self.frames) + self.footage.warnings(len(self.tracks.frame))
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
         if self.bridged:
             found.append(
                 f"Motion vectors leave {len(self.gaps)} gaps between pictures; {len(self.bridged)} "
                 "of them were bridged by matching descriptors, which takes longer."
+            )
+        if self.unreadable is not None:
+            left = [gap for gap in self.gaps if gap not in self.bridged]
+            found.append(
+                f"Motion vectors leave {len(left)} gaps between pictures that were not bridged by "
+                f"descriptors: not all pictures could be read. {self.unreadable}"
             )
         return [*skipped_warnings(self.skipped), *found]
 
@@ -232,17 +241,26 @@ def bridge_match(
     Returns
     -------
     Match
-        With more tracks, and without the cuts, breaks and jumps that were bridged.
+        With more tracks, and without the cuts, breaks and jumps that were bridged. Gaps at and
+        after a picture that cannot be decoded, or has another size, stay: ``unreadable`` says why.
 
     Raises
     ------
     UnsupportedError
         The matcher does not work with the installed pycolmap.
-    DataError
-        The pictures cannot be decoded, or have another size than the video.
+    FileNotFoundError
+        There are no such pictures.
     """
+    faults: list[str] = []
+
+    def readable() -> Iterator[NDArray[np.uint8]]:
+        try:
+            yield from _pictures(match, pictures, stage_progress(progress, "bridge"))
+        except DataError as error:
+            faults.append(str(error))
+
     bridge = bridge_tracks(
-        lambda: _pictures(match, pictures, stage_progress(progress, "bridge")),
+        readable,
         match.tracks,
         camera,
         num_frames=match.num_frames,
@@ -255,6 +273,7 @@ def bridge_match(
         footage=match.footage.without({gap + 1 for gap in bridge.bridged}),
         gaps=bridge.gaps,
         bridged=bridge.bridged,
+        unreadable=faults[0] if faults and bridge.gaps != bridge.bridged else None,
     )
 
 

@@ -34,10 +34,12 @@ MODEL = "sparse"
 """Folder of the COLMAP model ``0``; absent when no model was accepted."""
 MASKS = "masks"
 """Folder of COLMAP masks, one per picture; only with ``masks``."""
+UNDISTORTED = "undistorted"
+"""Folder of undistorted pictures and their model; only with ``undistort`` and a model."""
 REPORT = "report.json"
 PAGE = "report.html"
 
-_OURS = (VIDEO, TRACKS, DATABASE, MODEL, MASKS, PAGE, REPORT)
+_OURS = (VIDEO, TRACKS, DATABASE, MODEL, MASKS, UNDISTORTED, PAGE, REPORT)
 _PUBLISHING = f"{FOLDER}/publishing"
 _LIBRARIES = ("numpy", "av", "pycolmap", "pyarrow")
 _KEPT_FOCAL = 1e-6

@@ -65,6 +65,12 @@ class Overlays:
         shares = self.cells.mean(axis=(1, 2)) if self.cells.size else np.zeros(1)
         return float(shares.max())
 
+    @property
+    def mean_area_share(self) -> float:
+        """Share of the picture under overlays, mean over all frames."""
+        length = np.diff(self.end, prepend=0)
+        return float(self.cells.mean(axis=(1, 2)) @ length / max(1, length.sum()))
+
     def _window(self, frame: ArrayLike) -> NDArray[np.int64]:
         window = np.searchsorted(self.end, np.asarray(frame), side="right")
         return np.minimum(window, len(self.end) - 1)

@@ -15,12 +15,13 @@ from mvmatch.bridge import require_matcher
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode.frames import open_frames
-from mvmatch.errors import NotAv1Error
+from mvmatch.errors import DataError, NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
 from mvmatch.stages import Stage
 from mvmatch.state import State
+from mvmatch.store import is_table
 from mvmatch.work import digest, open_work
 
 if TYPE_CHECKING:
@@ -123,6 +124,15 @@ STAGES = (
         is_wanted=lambda state: state.model.accepted and len(state.match.further) > 0,
     ),
     Stage(
+        name="undistort",
+        title="undistort",
+        needs=("densify",),
+        depends=lambda _: None,
+        make=stages.undistort,
+        load=stages.load_nothing,
+        is_wanted=lambda state: state.undistort and state.model.accepted,
+    ),
+    Stage(
         name="diagnose",
         title="diagnose",
         needs=("densify",),
@@ -157,7 +167,7 @@ class Run:
     """The report (docs/reference/report-schema.md)."""
 
 
-def reconstruct_video(
+def reconstruct_video(  # noqa: PLR0913
     source: Path,
     out: Path,
     *,
@@ -165,6 +175,7 @@ def reconstruct_video(
     options: RunOptions | None = None,
     reencode: bool = False,
     masks: bool = False,
+    undistort: bool = False,
     fresh: bool = False,
     progress: Progress | None = None,
 ) -> Run:
@@ -186,6 +197,9 @@ def reconstruct_video(
         Encode AV1 input anew instead of using it as it is.
     masks : bool
         Write a mask per picture: moving objects and static overlays black.
+    undistort : bool
+        Write ``out/undistorted``: ``images`` without distortion, and ``sparse/0`` with the pinhole
+        cameras they have (:mod:`mvmatch.export.undistorted`); nothing where no model holds.
     fresh : bool
         Use nothing that an earlier run has made.
     progress : Progress, optional
@@ -207,6 +221,9 @@ def reconstruct_video(
     if options.refine.enabled:
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
     require_matcher(options.loops.matcher)
+    if undistort and is_table(source):
+        message = f"{source} holds no pictures to undistort. Give the video itself"
+        raise DataError(message)
     outputs.require_ours(out)
     state = State(
         source=source,
@@ -214,6 +231,7 @@ def reconstruct_video(
         camera=camera,
         has_to_encode=_has_to_encode(source, options, reencode=reencode),
         masks=masks,
+        undistort=undistort,
         progress=progress,
     )
     _check_camera(state)

@@ -21,6 +21,7 @@ from mvmatch.encode import encode_video
 from mvmatch.errors import DataError
 from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
+from mvmatch.export.undistorted import write_undistorted
 from mvmatch.geometry.movers import track_weights
 from mvmatch.matching import bridge_match, loop_match, match_video, refine_match, stage_progress
 from mvmatch.sfm import (
@@ -153,7 +154,8 @@ def bridge(state: State, folder: Path) -> Facts:
         image_names=state.image_names,
         options=to_mapping(state.options.track),
     )
-    return facts | {"gaps": bridged.gaps, "bridged": bridged.bridged}
+    names = ("gaps", "bridged", "unreadable")
+    return facts | {name: getattr(bridged, name) for name in names}
 
 
 def load_bridge(state: State, folder: Path, facts: Facts) -> None:
@@ -165,6 +167,7 @@ def load_bridge(state: State, folder: Path, facts: Facts) -> None:
         footage=state.match.footage.without({gap + 1 for gap in facts["bridged"]}),
         gaps=tuple(facts["gaps"]),
         bridged=tuple(facts["bridged"]),
+        unreadable=facts["unreadable"],
     )
 
 
@@ -314,6 +317,21 @@ def load_denser(state: State, folder: Path, facts: Facts) -> None:
     """Take the denser model; what the mapper said of its own stays."""
     state.dense = DensifySummary(**facts)
     state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+
+
+def undistort(state: State, folder: Path) -> Facts:
+    """Write the pictures of the source without distortion, and the model that they fit."""
+    assert state.model.reconstruction is not None
+    missing = len(state.match.skipped) or write_undistorted(
+        state.model.reconstruction,
+        state.source,
+        folder / outputs.UNDISTORTED,
+        progress=stage_progress(state.progress, "undistort"),
+    )
+    if missing:
+        message = f"{state.source} is damaged: nobody knows which of its pictures is which image"
+        raise DataError(f"{message}. Do without --undistort")
+    return {}
 
 
 def find_faults(state: State, folder: Path) -> Facts:  # noqa: ARG001

@@ -33,6 +33,7 @@ class State:
     has_to_encode: bool
     """Whether the source has no motion vectors of its own that are to be used."""
     masks: bool
+    undistort: bool
     progress: Progress | None
     encoding: EncodeResult | None = None
     match: Match = field(init=False)
@@ -79,7 +80,8 @@ class State:
         max_gap = self.options.track.max_gap
         if max_gap is None or not self.match.bridged:
             return max_gap
-        return max(max_gap, 2 * self.options.bridge.far_reach - 1)
+        bridge = self.options.bridge
+        return max(max_gap, bridge.window, 2 * bridge.far_reach - 1)
 
     def tell(self, stage: str) -> None:
         """Say that a stage begins that does not say how far it is."""

@@ -26,6 +26,8 @@ def test_a_short_drive_is_reconstructed_close_to_the_truth(tmp_path: Path) -> No
     assert made.error.num_frames == 12
     assert made.error.percent_of_path < 0.5
 
+    assert made.run.match.warnings == []
+
     report = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert report["accuracy"]["ate_percent"] == pytest.approx(made.error.percent_of_path)
     assert report["stages"][0]["name"] == "render"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pycolmap
 import pytest
 
+from mvmatch import pipeline
 from mvmatch.cli import main
 from mvmatch.demo import _write_png
 from mvmatch.errors import DataError
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from _pytest.capture import CaptureFixture
+
+    from mvmatch.stages import Stage, State
 
 DRIVE_CAMERA = "PINHOLE,260.48,260.48,176,100"
 """Of drive.ivf: 0.74 times the width (mvmatch.testing.synthetic_drive)."""
@@ -121,6 +126,36 @@ def test_masks_are_written_for_every_picture_on_request(data: Path, tmp_path: Pa
     assert not (tmp_path / "masks").exists()
 
 
+def test_a_workspace_for_splatting_is_made_on_request(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    words = ["run", str(data / "drive.ivf"), "-o", str(tmp_path), "--undistort"]
+    assert main([*words, "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
+    workspace = tmp_path / "undistorted"
+    assert str(workspace) in capsys.readouterr().out
+    made = pycolmap.Reconstruction(workspace / "sparse" / "0")
+    model = pycolmap.Reconstruction(tmp_path / "sparse" / "0")
+    assert [camera.model.name for camera in made.cameras.values()] == ["PINHOLE"]
+    assert [camera.model.name for camera in model.cameras.values()] == ["SIMPLE_RADIAL"]
+    names = sorted(path.name for path in (workspace / "images").iterdir())
+    assert names == sorted(image.name for image in made.images.values())
+    assert made.num_points3D() == model.num_points3D()
+    assert np.mean([point.color.any() for point in made.points3D.values()]) > 0.99
+    words.remove("--undistort")
+    assert main([*words, "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
+    assert not workspace.exists()
+
+
+def test_a_motion_table_has_no_pictures_to_undistort(
+    data: Path, tmp_path: Path, capsys: CaptureFixture[str]
+) -> None:
+    table, out = tmp_path / "motion.parquet", tmp_path / "out"
+    assert main(["extract", str(data / "drive.ivf"), str(table)]) == 0
+    assert main(["run", str(table), "-o", str(out), "--undistort"]) == 1
+    assert "holds no pictures to undistort" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_a_long_video_has_a_pose_for_every_frame_though_few_are_mapped(
     data: Path, tmp_path: Path
 ) -> None:
@@ -175,14 +210,40 @@ def test_a_camera_that_nobody_can_read_is_refused_before_anything_is_done(
     assert stages == []
 
 
-def test_a_gap_is_bridged_and_the_bridge_is_kept(tmp_path: Path) -> None:
-    images = tmp_path / "images"
-    images.mkdir()
+def gapped_images(folder: Path) -> str:
+    """Write a drive whose middle is missing; return its camera."""
+    folder.mkdir()
     scene = synthetic_drive(28, (320, 180))
     for index, frame in enumerate([*range(10), *range(18, 28)]):
-        _write_png(images / f"{index:03d}.png", scene.render(frame))
+        _write_png(folder / f"{index:03d}.png", scene.render(frame))
     K = scene.K
-    camera = f"PINHOLE,{K[0, 0]},{K[1, 1]},{K[0, 2]},{K[1, 2]}"
+    return f"PINHOLE,{K[0, 0]},{K[1, 1]},{K[0, 2]},{K[1, 2]}"
+
+
+def test_a_picture_that_is_lost_before_a_gap_is_bridged_does_not_end_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    images = tmp_path / "images"
+    camera = gapped_images(images)
+
+    def lost(stage: Stage) -> Stage:
+        def make(state: State, folder: Path) -> dict[str, Any]:
+            (images / "010.png").write_bytes(b"no picture")
+            return stage.make(state, folder)
+
+        return dataclasses.replace(stage, make=make) if stage.name == "bridge" else stage
+
+    monkeypatch.setattr(pipeline, "STAGES", tuple(map(lost, pipeline.STAGES)))
+    run = reconstruct_video(images, tmp_path / "out", camera=camera)
+    assert run.data["gaps"] == {"after": [9], "bridged": []}
+    (warning,) = [text for text in run.data["warnings"] if "010.png" in text]
+    assert "1 gaps between pictures that were not bridged" in warning
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_gap_is_bridged_and_the_bridge_is_kept(tmp_path: Path) -> None:
+    images = tmp_path / "images"
+    camera = gapped_images(images)
     run, again = (reconstruct_video(images, tmp_path / "out", camera=camera) for _ in range(2))
     assert run.data["gaps"] == {"after": [9], "bridged": [9]}
     assert (run.model.accepted, run.model.registered) == (True, 20)

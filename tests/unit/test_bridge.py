@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import av
@@ -14,11 +16,14 @@ from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps
 from mvmatch.bridge.descriptors import mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
-from mvmatch.types import Tracks
+from mvmatch.footage import Footage
+from mvmatch.matching import Match, bridge_match
+from mvmatch.overlays import Overlays
+from mvmatch.sources import ReferenceStructure
+from mvmatch.types import Tracks, VideoInfo
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -146,6 +151,44 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
         options=BridgeOptions(min_tracks=20),
     )
     assert (bridge.gaps, bridge.bridged) == ((2,), ())
+
+
+def matched(tracks: Tracks) -> Match:
+    """What a video of such pictures gives."""
+    nowhere = Overlays(end=np.array([6]), cells=np.zeros((1, 1, 1), bool))
+    return Match(
+        tracks=tracks,
+        further=Tracks.from_lists(),
+        info=VideoInfo(width=WIDTH, height=HEIGHT, num_frames=6, frame_rate=30.0, codec="av1"),
+        frames=(),
+        structure=ReferenceStructure(),
+        footage=Footage(
+            cuts=(), jumps=(), repeats=(), overlays=nowhere, num_overlay_observations=0, breaks=()
+        ),
+        damage=None,
+    )
+
+
+@pytest.mark.parametrize(("damaged", "bridged"), [(5, (2,)), (3, ()), (0, ())])
+def test_a_damaged_picture_leaves_the_gaps_behind_it_and_is_named(
+    damaged: int, bridged: tuple[int, ...], pictures: Path, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(pictures, tmp_path / "pictures"))
+    (folder / f"{damaged:03d}.png").write_bytes(b"no picture")
+    parts = [moving(range(3), 50), moving(range(3, 5), 50), moving(range(5, 6), 50)]
+    match = matched(Tracks.concatenate(*parts))
+    options = BridgeOptions(min_tracks=20, reach=2, far_reach=2)
+    found = bridge_match(match, folder, CAMERA, options=options)
+    assert (found.gaps, found.bridged) == ((2, 4), bridged)
+    assert str(found.unreadable).startswith(str(folder))
+    assert any(str(found.unreadable) in warning for warning in found.warnings)
+    assert (len(found.tracks.between(2, 3)) > 0) == bool(bridged)
+
+
+def test_whole_pictures_are_no_reason_for_a_warning(pictures: Path) -> None:
+    match = matched(Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50)))
+    found = bridge_match(match, pictures, CAMERA, options=BridgeOptions(min_tracks=20))
+    assert (found.bridged, found.unreadable) == ((2,), None)
 
 
 def test_a_matcher_that_is_not_there_is_named(pictures: Path) -> None:

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from mvmatch.errors import DataError
-from mvmatch.export.colors import color_points, write_frames
+from mvmatch.export.colors import color_points, frames_that_see_all
 from mvmatch.export.model import images_by_frame
+from mvmatch.export.pictures import write_frames
 
 pycolmap = pytest.importorskip("pycolmap")
 
@@ -137,11 +138,9 @@ def test_a_name_without_an_image_ending_is_not_written(make_model, video, tmp_pa
 
 
 def test_every_point_is_seen_in_the_few_frames_that_are_decoded(make_model):
-    from mvmatch.export.colors import _frames_that_see_all
-
     model = make_model([f"{frame}.png" for frame in range(12)])
     frames = {image.image_id: frame for frame, image in images_by_frame(model).items()}
-    chosen = _frames_that_see_all(model, frames)
+    chosen = frames_that_see_all(model, frames)
     for point in model.points3D.values():
         assert chosen & {frames[e.image_id] for e in point.track.elements}
     assert len(chosen) == 4, "points last three frames"

@@ -64,6 +64,19 @@ def test_images_of_another_folder_are_named_in_transforms(stored, images, tmp_pa
     assert [path.resolve() for path in paths] == [(images / name).resolve() for name in NAMES]
 
 
+def test_masks_are_named_in_transforms(stored, images, tmp_path, capsys):
+    out = tmp_path / "deep" / "out"
+    words = [stored, out, "--to", "nerfstudio", "--images", images, "--masks", tmp_path / "masks"]
+    (tmp_path / "masks").mkdir()
+    for name in NAMES:
+        (tmp_path / "masks" / f"{name}.png").touch()
+    converted(capsys, *words)
+    document = json.loads((out / "transforms.json").read_text())
+    paths = [out / frame["mask_path"] for frame in document["frames"]]
+    assert [path.resolve().name for path in paths] == [f"{name}.png" for name in NAMES]
+    assert all(path.is_file() for path in paths)
+
+
 def test_the_frames_of_a_video_are_written_for_nerfstudio(make_model, data, tmp_path, capsys):
     clip, out = data / "svt_flat_p8.mp4", tmp_path / "out"
     size = pycolmap_size(clip)
@@ -74,6 +87,22 @@ def test_the_frames_of_a_video_are_written_for_nerfstudio(make_model, data, tmp_
     pictures = [pycolmap.Bitmap.read(out / f["file_path"], True) for f in document["frames"]]
     assert [(picture.width, picture.height) for picture in pictures] == [size] * 3
     assert sorted(path.name for path in (out / "images").iterdir()) == names
+
+
+def test_an_undistorted_workspace_is_made_from_a_video(make_model, data, tmp_path, capsys):
+    clip, out = data / "svt_flat_p8.mp4", tmp_path / "out"
+    size = width, height = pycolmap_size(clip)
+    lens = ("SIMPLE_RADIAL", [0.9 * width, width / 2, height / 2, 0.05])
+    names = ["frame_000000.png", "frame_000002.png", "frame_009999.png"]
+    write_binary(make_model(names, cameras=[lens], size=size), tmp_path / "model")
+    words = [tmp_path / "model", out, "--to", "undistorted", "--images", clip]
+    (warning,) = converted(capsys, *words)["warnings"]
+    assert "1 pictures are not in" in warning
+    made = read_model(out / "sparse" / "0")
+    assert [camera.model.name for camera in made.cameras.values()] == ["PINHOLE"]
+    assert sorted(path.name for path in (out / "images").iterdir()) == names[:2]
+    assert main(["convert", *map(str, words)]) == 1
+    assert "is there already" in capsys.readouterr().err
 
 
 def pycolmap_size(clip) -> tuple[int, int]:
@@ -113,6 +142,8 @@ def test_kitti_says_which_frame_its_first_line_is(stored, tmp_path, capsys):
         ["--to", "tum", "--fps", "0"],
         ["--to", "tum", "--fps", "nan"],
         ["--to", "tum", "--images", "."],
+        ["--to", "undistorted"],
+        ["--to", "ply", "--masks", "."],
     ],
 )
 def test_words_that_do_not_fit_are_refused_before_anything_is_read(words, tmp_path, capsys):

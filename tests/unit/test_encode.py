@@ -240,18 +240,41 @@ def test_libaom_writes_one_key_frame(folder: Path, tmp_path: Path, usage) -> Non
     assert [key for _, key in packets_of(result.path)] == [True] + [False] * 11
 
 
-def test_grey_values_of_images_are_shown_as_they_are(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoder", ["svt", "libaom"])
+def test_grey_values_of_images_are_shown_as_they_are(encoder, tmp_path: Path) -> None:
     import av
 
+    if encoder == "libaom":
+        pytest.importorskip("imageio_ffmpeg")
     images = tmp_path / "images"
     images.mkdir()
     for index in range(3):
         frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 40, np.uint8), format="rgb24")
         frame.save(str(images / f"{index}.png"))
-    encode_video(images, tmp_path / "clip.ivf")
+    encode_video(images, tmp_path / "clip.ivf", options=EncodeOptions(encoder=encoder))
     with av.open(str(tmp_path / "clip.ivf")) as container:
         shown = next(container.decode(video=0)).to_ndarray(format="rgb24")
     assert abs(float(shown.mean()) - 40) < 2
+
+
+def test_a_video_of_limited_range_stays_one(tmp_path: Path) -> None:
+    """What says nothing of its range is shown as before: 16 is black."""
+    import av
+
+    pytest.importorskip("imageio_ffmpeg")
+    with av.open(str(tmp_path / "clip.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        for _ in range(3):
+            planes = np.full((96, 64), 128, np.uint8)
+            planes[:64] = 16
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")))
+        container.mux(stream.encode(None))
+    options = EncodeOptions(encoder="libaom")
+    encode_video(tmp_path / "clip.mkv", tmp_path / "clip.ivf", options=options)
+    with av.open(str(tmp_path / "clip.ivf")) as container:
+        shown = next(container.decode(video=0)).to_ndarray(format="rgb24")
+    assert shown.mean() < 2
 
 
 def test_an_encoder_that_refuses_its_settings_says_why(folder: Path, tmp_path: Path) -> None:

@@ -46,10 +46,11 @@ def test_a_picture_that_no_track_enters_is_a_break_whatever_the_reason():
         fields.append(field_from_rows(frame, rows, width=128, height=64))
     observer = FootageObserver()
     tracks = build_tracks(observer.watch(fields), options=RULES)
-    _, footage = observer.clean(tracks, min_length=3)
+    cleaned, footage = observer.clean(tracks, min_length=3)
     assert (footage.cuts, footage.breaks) == ((), (10,))
     assert footage.longest_shot(16) == 10
-    assert "No track goes on into the pictures 10, 1 in all" in footage.warnings()[0]
+    said = footage.warnings(len(cleaned.frame))
+    assert "No track goes on into the pictures 10, 1 in all" in said[0]
     assert footage.summary()["breaks"] == [10]
 
 
@@ -65,10 +66,25 @@ def test_a_repeated_picture_keeps_its_observations():
     assert len(cleaned.observations(8)) > 0.9 * (len(tracks.observations(8)) - len(LOGO))
 
 
+def test_a_far_sky_without_texture_stands_still_and_is_not_worth_a_warning():
+    sky = [0, 0, 64, 32]
+    beside = [b for b in BLOCKS if b[0] >= 64 or b[1] >= 32]
+    fields = []
+    for frame in range(16):
+        rows = [(b, (3.0, 0.0), frame - 1) for b in beside] + [(sky, (0.0, 0.0), frame - 1)]
+        fields.append(field_from_rows(frame, rows if frame else [], width=128, height=64))
+    observer = FootageObserver()
+    tracks = build_tracks(observer.watch(fields), options=RULES)
+    cleaned, footage = observer.clean(tracks, min_length=3)
+    assert footage.overlays.area_share == footage.overlays.mean_area_share == 0.25
+    assert footage.num_overlay_observations > 0
+    assert footage.warnings(len(cleaned.frame)) == []
+
+
 def test_a_static_camera_keeps_all_tracks_and_warns_of_nothing():
     tracks, cleaned, footage = watched(0)
     assert len(cleaned) == len(tracks) > 0
-    assert footage.warnings() == []
+    assert footage.warnings(len(cleaned.frame)) == []
     assert footage.longest_shot(16) == 16
 
 
@@ -81,8 +97,8 @@ def test_a_static_camera_keeps_all_tracks_and_warns_of_nothing():
     ],
 )
 def test_what_is_found_is_said(found, text):
-    footage = watched(3, **found)[2]
-    assert any(text in warning for warning in footage.warnings())
+    _, cleaned, footage = watched(3, **found)
+    assert any(text in warning for warning in footage.warnings(len(cleaned.frame)))
     summary = footage.summary()
     assert summary["cuts"] == list(footage.cuts)
     assert summary["overlay_area_share"] == 2 / 128

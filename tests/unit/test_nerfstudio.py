@@ -97,6 +97,33 @@ def test_images_are_expected_beside_the_file_where_nothing_is_said(make_model, t
     assert document["frames"][0]["file_path"] == "images/frame_000000.png"
 
 
+def test_masks_are_found_from_the_file_and_belong_to_their_images(make_model, tmp_path):
+    model = make_model(["b/2.png", "a/1.jpg"])
+    masks, out = tmp_path / "masks", tmp_path / "deep" / "out"
+    for name in ("b/2.png.png", "a/1.jpg.png"):
+        (masks / name).parent.mkdir(parents=True, exist_ok=True)
+        (masks / name).touch()
+    document = json.loads(write_nerfstudio(model, out, masks=masks).read_text())
+    for frame in document["frames"]:
+        name = frame["file_path"].removeprefix("images/")
+        assert frame["mask_path"] == f"../../masks/{name}.png"
+        assert (out / frame["mask_path"]).is_file()
+
+
+def test_an_image_without_a_mask_is_refused_since_nerfstudio_takes_all_or_none(
+    make_model, tmp_path
+):
+    (tmp_path / "frame_000000.png.png").touch()
+    with pytest.raises(DataError, match=r"no mask .*frame_000001\.png\.png"):
+        write_nerfstudio(make_model(), tmp_path / "out", masks=tmp_path)
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_masks_none_is_named(make_model, tmp_path):
+    document = json.loads(write_nerfstudio(make_model(), tmp_path).read_text())
+    assert not any("mask_path" in frame for frame in document["frames"])
+
+
 def test_the_points_for_splatting_lie_in_the_world_of_the_poses(make_model, tmp_path):
     plyfile = pytest.importorskip("plyfile", reason="needs plyfile, a reader of PLY")
     model = make_model()

@@ -12,6 +12,7 @@ from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
 from mvmatch.sfm.adjust import adjust, fit_squares
+from mvmatch.sfm.breaks import hopeless
 from mvmatch.sfm.checks import check_model, weakest_joint
 from mvmatch.sfm.evidence import _selection, read_evidence
 from mvmatch.sfm.focal import thinned
@@ -184,6 +185,54 @@ def test_a_camera_that_only_turns_gives_no_model_and_says_why(tmp_path):
 
     assert not result.accepted
     assert "only turns" in result.reasons[0]
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    """Evidence of a camera that only turns."""
+    tracks = observe(np.zeros((FRAMES, 3)), angles=np.linspace(0, 0.25, FRAMES))
+    return read_evidence(database(tmp_path_factory.mktemp("turning"), tracks))
+
+
+def with_motion(evidence, chosen):
+    """Evidence in which some pairs fit no rotation any more."""
+    pairs = [
+        dataclasses.replace(pair, stretch=0.2) if chosen(pair) else pair for pair in evidence.pairs
+    ]
+    return dataclasses.replace(evidence, pairs=tuple(pairs))
+
+
+def test_a_wrong_pair_anywhere_does_not_make_a_turn_a_motion(turning):
+    assert len(turning.pairs) > 10
+    for wrong in turning.pairs:
+        assert "only turns" in str(hopeless(with_motion(turning, lambda pair, w=wrong: pair is w)))
+
+
+def test_a_part_in_which_the_camera_moves_is_worth_a_try(turning):
+    many = dataclasses.replace(
+        turning,
+        pairs=tuple(
+            dataclasses.replace(pair, image0=pair.image0 + shift, image1=pair.image1 + shift)
+            for shift in range(0, 20 * FRAMES, FRAMES)
+            for pair in turning.pairs
+        ),
+    )
+    part = with_motion(many, lambda pair: pair.image1 <= FRAMES)
+    moving = [pair.stretch > 0.1 for pair in part.pairs]
+    assert np.mean(moving) < 0.1
+    assert hopeless(many) is not None
+    assert hopeless(part) is None
+
+
+def test_slow_motion_that_only_far_pairs_see_is_worth_a_try(turning):
+    pairs = [
+        dataclasses.replace(turning.pairs[0], image0=image, image1=image + gap)
+        for image in range(1, 31)
+        for gap in (2, 5, 10)
+    ]
+    slow = dataclasses.replace(turning, pairs=tuple(pairs))
+    assert hopeless(slow) is not None
+    assert hopeless(with_motion(slow, lambda pair: pair.image1 - pair.image0 == 10)) is None
 
 
 def test_a_bent_model_is_refused_though_all_images_are_registered(forward, tmp_path):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,13 +12,16 @@ from mvmatch.cli.console import Outcome, Ticker
 from mvmatch.cli.settings import ExistingFile, ExistingPath, Json, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pycolmap
 
-Target = Literal["text", "binary", "nerfstudio", "ply", "tum", "kitti"]
+Target = Literal["text", "binary", "undistorted", "nerfstudio", "ply", "tum", "kitti"]
 
 _NEXT = {
     "text": "colmap model_analyzer --path {}",
     "binary": "colmap model_analyzer --path {}",
+    "undistorted": "colmap gui --import_path {0}/sparse/0 --image_path {0}/images",
     "nerfstudio": "ns-train splatfacto --data {}",
     "tum": "evo_traj tum {} --plot",
     "kitti": "evo_traj kitti {} --plot",
@@ -32,6 +36,7 @@ def convert(
     *,
     to: Target,
     images: ExistingPath | None = None,
+    masks: ExistingPath | None = None,
     timestamps: ExistingFile | None = None,
     fps: float | None = None,
     json: Json = False,
@@ -43,32 +48,45 @@ def convert(
     model
         Folder of a COLMAP model, such as out/sparse/0.
     out
-        text, binary, nerfstudio: a folder; ply, tum, kitti: a file.
+        text, binary, undistorted, nerfstudio: a folder; ply, tum, kitti: a file.
     to
-        text, binary: COLMAP's own files; nerfstudio: transforms.json and points; ply: points with
-        colour, error and track length; tum, kitti: the path of the camera.
+        text, binary: COLMAP's own files; undistorted: images without distortion and sparse/0 with
+        their pinhole cameras, as 3D Gaussian splatting reads them; nerfstudio: transforms.json and
+        points; ply: points with colour, error and track length; tum, kitti: the path of the camera.
     images
-        Folder of the images, or the video: colours the points. For nerfstudio the frames of a video
-        are written to OUT/images.
+        Folder of the images, or the video: colours the points. For undistorted it has to be given;
+        for nerfstudio the frames of a video are written to OUT/images.
+    masks
+        For nerfstudio: folder of masks, such as out/masks of `mvmatch run --masks`.
     timestamps
         For tum: the video, or a text file with the time of each frame in s.
     fps
         For tum: frames per s. Without it and --timestamps the frame number is the timestamp.
     """
-    _check_words(to, images, timestamps, fps)
+    _check_words(to, images, masks, timestamps, fps)
     from mvmatch.export.model import read_model
 
     with Ticker() as tell:
         tell("read", 0, None)
         found = read_model(model)
         warnings: list[str] = []
-        if images is not None:
+        if images is not None and to != "undistorted":
             tell("color", 0, None)
             warnings += _color(found, images)
         elif to in {"ply", "nerfstudio"}:
             warnings += _black(found)
         tell("write", 0, None)
-        facts = _write(found, out, to, images=images, timestamps=timestamps, fps=fps)
+        if to == "undistorted":
+            assert images is not None
+            facts = _write_undistorted(found, out, images, functools.partial(tell, "undistort"))
+        else:
+            facts = _write(
+                found, out, to, images=images, masks=masks, timestamps=timestamps, fps=fps
+            )
+    if facts.get("missing"):
+        warnings.append(
+            f"{facts['missing']} pictures are not in {images}: they are left out of the model."
+        )
     if facts.get("first_frame"):
         warnings.append(
             f"The first frame with a pose is {facts['first_frame']}: line 1 of {out} belongs to it."
@@ -91,14 +109,22 @@ def convert(
 
 
 def _check_words(
-    to: Target, images: Path | None, timestamps: Path | None, fps: float | None
+    to: Target,
+    images: Path | None,
+    masks: Path | None,
+    timestamps: Path | None,
+    fps: float | None,
 ) -> None:
+    if to != "nerfstudio" and masks is not None:
+        raise UsageError("--masks is for --to nerfstudio")
     if to != "tum" and (timestamps is not None or fps is not None):
         raise UsageError("--timestamps and --fps are for --to tum")
     if timestamps is not None and fps is not None:
         raise UsageError("--timestamps and --fps exclude each other")
     if fps is not None and not 0 < fps < float("inf"):
         raise UsageError(f"--fps takes frames per s, not {fps}")
+    if images is None and to == "undistorted":
+        raise UsageError("--to undistorted needs --images: the folder of the images, or the video")
     if images is not None and to in _TRAJECTORIES:
         raise UsageError(f"--images colours points, and --to {to} writes none")
 
@@ -125,6 +151,7 @@ def _write(
     to: Target,
     *,
     images: Path | None,
+    masks: Path | None,
     timestamps: Path | None,
     fps: float | None,
 ) -> dict[str, Any]:
@@ -142,7 +169,7 @@ def _write(
 
         write_ply(model, out)
     elif to == "nerfstudio":
-        _write_nerfstudio(model, out, images)
+        _write_nerfstudio(model, out, images, masks)
     elif to == "kitti":
         from mvmatch.export.trajectory import write_kitti
 
@@ -152,14 +179,27 @@ def _write(
     return {}
 
 
-def _write_nerfstudio(model: pycolmap.Reconstruction, out: Path, images: Path | None) -> None:
-    from mvmatch.export.colors import write_frames
+def _write_undistorted(
+    model: pycolmap.Reconstruction,
+    out: Path,
+    images: Path,
+    progress: Callable[[int, int | None], None],
+) -> dict[str, Any]:
+    from mvmatch.export.undistorted import write_undistorted
+
+    return {"missing": write_undistorted(model, images, out, progress=progress)}
+
+
+def _write_nerfstudio(
+    model: pycolmap.Reconstruction, out: Path, images: Path | None, masks: Path | None
+) -> None:
     from mvmatch.export.nerfstudio import IMAGES, write_nerfstudio
+    from mvmatch.export.pictures import write_frames
 
     if images is not None and images.is_file():
         write_frames(model, images, out / IMAGES)
         images = None
-    write_nerfstudio(model, out, images=images)
+    write_nerfstudio(model, out, images=images, masks=masks)
 
 
 def _write_tum(

@@ -43,6 +43,7 @@ def run(
     loops: LoopMatcher = None,
     re_encode: Annotated[bool, Parameter(negative="")] = False,
     masks: Annotated[bool, Parameter(negative="")] = False,
+    undistort: Annotated[bool, Parameter(negative="")] = False,
     fresh: Annotated[bool, Parameter(negative="")] = False,
     print_config: Annotated[bool, Parameter(negative="")] = False,
     settings: Settings | None = None,
@@ -62,6 +63,9 @@ def run(
         Encode AV1 input anew too.
     masks
         Write masks for COLMAP: moving objects and static overlays black.
+    undistort
+        Write OUT/undistorted for splatting and dense matching: images without distortion, and
+        sparse/0 with their pinhole cameras.
     fresh
         Start over: use nothing that an earlier run into the same folder has finished.
     print_config
@@ -86,6 +90,7 @@ def run(
             options=options,
             reencode=re_encode,
             masks=masks,
+            undistort=undistort,
             fresh=fresh,
             progress=tell,
         )
@@ -103,7 +108,13 @@ def run_outcome(made: Run) -> Outcome:
     return Outcome(
         made=[
             made.out / name
-            for name in (f"{outputs.MODEL}/0", outputs.DATABASE, outputs.MASKS, outputs.PAGE)
+            for name in (
+                f"{outputs.MODEL}/0",
+                outputs.DATABASE,
+                outputs.MASKS,
+                outputs.UNDISTORTED,
+                outputs.PAGE,
+            )
             if (made.out / name).exists()
         ],
         figures={

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass
+from itertools import chain
 from typing import IO, TYPE_CHECKING, Literal
 
 from mvmatch.errors import DataError, UnsupportedError
@@ -190,7 +191,11 @@ def encode_to_ivf(
         name, quality=options.quality, speed=options.speed, usage=options.usage
     )
     rate = f"{frames.frame_rate.numerator}/{frames.frame_rate.denominator}"
-    command = _command(executable, arguments, frames.width, frames.height, rate)
+    shown = iter(frames)
+    first = next(shown)
+    command = _command(
+        executable, arguments, frames.width, frames.height, rate, is_full_range=_is_full(first)
+    )
     times: list[int] = []
     with tempfile.TemporaryFile() as stderr:
         process = subprocess.Popen(
@@ -199,7 +204,7 @@ def encode_to_ivf(
         )  # fmt: skip
         assert process.stdin is not None
         try:
-            for frame in frames:
+            for frame in chain([first], shown):
                 _write_planes(frame, process.stdin)
                 times.append(frame.pts or 0)
                 if progress is not None:
@@ -228,13 +233,28 @@ def encode_to_ivf(
 
 
 def _command(
-    executable: str, arguments: EncoderArguments, width: int, height: int, rate: str
+    executable: str,
+    arguments: EncoderArguments,
+    width: int,
+    height: int,
+    rate: str,
+    *,
+    is_full_range: bool = False,
 ) -> list[str]:
+    # Raw frames do not say it themselves, and players take what says nothing for 16 to 235.
+    values = ("-color_range", "pc") if is_full_range else ()
     return [
         executable, "-hide_banner", "-loglevel", "error", *arguments.before_input,
         "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", f"{width}x{height}", "-r", rate,
-        "-i", "pipe:0", *arguments.after_input,
+        *values, "-i", "pipe:0", *arguments.after_input,
     ]  # fmt: skip
+
+
+def _is_full(frame: VideoFrame) -> bool:
+    """Whether a frame uses all 256 values, as images do and most video does not."""
+    from av.video.reformatter import ColorRange
+
+    return frame.color_range == ColorRange.JPEG
 
 
 def _write_planes(frame: VideoFrame, pipe: IO[bytes]) -> None:

@@ -45,7 +45,11 @@ _OPENGL_FROM_COLMAP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def write_nerfstudio(
-    model: pycolmap.Reconstruction, folder: Path, *, images: Path | None = None
+    model: pycolmap.Reconstruction,
+    folder: Path,
+    *,
+    images: Path | None = None,
+    masks: Path | None = None,
 ) -> Path:
     """Write ``transforms.json`` and, where the model has points, ``sparse_pc.ply``.
 
@@ -58,6 +62,9 @@ def write_nerfstudio(
     images : Path, optional
         Folder of the images; their paths are written relative to ``folder``. Without it they are
         expected in ``folder/images``.
+    masks : Path, optional
+        Folder of masks as COLMAP names them, ``NAME.png`` for the image ``NAME``; their paths are
+        written as ``mask_path``. nerfstudio too leaves out what is black in them.
 
     Returns
     -------
@@ -67,7 +74,8 @@ def write_nerfstudio(
     Raises
     ------
     DataError
-        nerfstudio has no such camera model, or the folder cannot be written.
+        nerfstudio has no such camera model, the folder cannot be written, or an image has no mask:
+        nerfstudio takes masks for all or none.
     """
     content = _intrinsics(model)
     shared = "fl_x" in content
@@ -75,6 +83,8 @@ def write_nerfstudio(
     frames: list[dict[str, Any]] = []
     for image in registered_images(model):
         frame: dict[str, Any] = {"file_path": (place / image.name).as_posix()}
+        if masks is not None:
+            frame["mask_path"] = _mask_path(masks, image.name, folder)
         if not shared:
             frame |= _camera(model.camera(image.camera_id))
         frames.append(frame | {"transform_matrix": _transform_matrix(image)})
@@ -85,6 +95,17 @@ def write_nerfstudio(
     path = folder / "transforms.json"
     write_file(path, json.dumps({**content, "frames": frames}, indent=2, allow_nan=False) + "\n")
     return path
+
+
+def _mask_path(masks: Path, name: str, folder: Path) -> str:
+    """Return where the mask of an image is, relative to a folder."""
+    mask = masks / f"{name}.png"
+    if not mask.is_file():
+        raise DataError(
+            f"there is no mask {mask}, and nerfstudio takes masks for all images or none. "
+            "Give the folder that `mvmatch run --masks` wrote for this model"
+        )
+    return Path(os.path.relpath(mask, folder)).as_posix()
 
 
 def _transform_matrix(image: pycolmap.Image) -> list[list[float]]:
@@ -115,7 +136,7 @@ def _camera_model(camera: pycolmap.Camera) -> str:
     if name not in _PERSPECTIVE or (name == "FULL_OPENCV" and rational):
         raise DataError(
             f"nerfstudio has no camera model like COLMAP's {name}. Undistort the images "
-            "(colmap image_undistorter) and convert the model of the undistorted ones"
+            "(--to undistorted) and convert the model of the undistorted ones"
         )
     return "OPENCV"
 

@@ -35,6 +35,9 @@ MAX_PAIRS = 500
 MAX_REFITTED_PAIRS = 150
 """As `MAX_PAIRS`, where every pair has to be fitted."""
 
+MIN_STRETCH = 0.005
+"""A camera that moves by less than this share of the distance to the scene only turns."""
+
 _MAX_SAMPLE = 256
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import DataError
 from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
+from mvmatch.sfm.breaks import hopeless
 from mvmatch.sfm.checks import ModelCheck, check_model
 from mvmatch.sfm.complete import complete
 from mvmatch.sfm.evidence import Evidence, PairEvidence, read_evidence
@@ -35,12 +36,6 @@ if TYPE_CHECKING:
     from mvmatch.sfm.keyframes import KeyframeSelection
 
 _logger = logging.getLogger(__name__)
-
-MIN_DISPLACEMENT = 1.0
-"""px; a camera whose matches move less at every gap stands still."""
-
-MIN_STRETCH = 0.005
-"""A camera that moves by less than this share of the distance to the scene only turns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,9 +121,9 @@ def reconstruct(
         if selection is not None:
             selection.write_database(copy, mapped)
         evidence = read_evidence(mapped)
-        hopeless = _hopeless(evidence)
-        if hopeless is not None:
-            return _result(None, None, evidence, selection, reasons=(hopeless,))
+        reason = hopeless(evidence)
+        if reason is not None:
+            return _result(None, None, evidence, selection, reasons=(reason,))
         run = _Run(mapped, Path(folder), options, evidence)
         model, check = run.best()
         if model is None or check is None:
@@ -309,20 +304,6 @@ class _Run:
         if num_images is not None:
             evidence = dataclasses.replace(evidence, num_images=num_images)
         return check_model(model, evidence, self._options.acceptance)
-
-
-def _hopeless(evidence: Evidence) -> str | None:
-    """Say why no model can come of this database, if none can."""
-    if not evidence.pairs:
-        return "no image pair has enough verified matches"
-    if max(pair.displacement for pair in evidence.pairs) < MIN_DISPLACEMENT:
-        return (
-            "the camera does not move: half of the matches of every image pair stay within "
-            f"{MIN_DISPLACEMENT:g} px"
-        )
-    if all(pair.homography_ratio > 0.95 and pair.stretch < MIN_STRETCH for pair in evidence.pairs):
-        return "the camera only turns: a rotation explains the matches of every image pair"
-    return None
 
 
 def _rank(check: ModelCheck) -> tuple[bool, float, int, float]:

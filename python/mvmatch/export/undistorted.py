@@ -1,0 +1,158 @@
+"""Undistorted pictures and their model, laid out as splatting and dense matching read them.
+
+A splat renders with pinhole cameras, and so do most programs for dense matching: the distortion of
+the lens has to go from the pictures first. ``colmap image_undistorter`` does that to files; here
+the pictures of a video are decoded, undistorted and written one at a time.
+"""
+
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import copy
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mvmatch.colmap_log import quiet_colmap
+from mvmatch.errors import DataError, cannot_write
+from mvmatch.export.colors import blacken, frames_that_see_all
+from mvmatch.export.files import make_folder
+from mvmatch.export.model import registered_images, write_binary
+from mvmatch.export.pictures import model_pictures, safe_name, write_picture
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pycolmap
+    from numpy.typing import NDArray
+
+IMAGES = "images"
+"""Folder of the undistorted pictures."""
+
+SPARSE = "sparse"
+"""Folder of the model ``0``, where 3D Gaussian splatting and its kin look for it."""
+
+
+def write_undistorted(
+    model: pycolmap.Reconstruction,
+    pictures: Path,
+    folder: Path,
+    *,
+    progress: Callable[[int, int | None], None] | None = None,
+) -> int:
+    """Write ``images/`` without distortion, and ``sparse/0`` with the pinhole cameras they have.
+
+    Parameters
+    ----------
+    model : pycolmap.Reconstruction
+        Any model; it is not changed. In the one written each point has the colour of one picture,
+        and images without a pose or a picture are left out.
+    pictures : Path
+        Folder that the image names are relative to, or the video whose frame numbers they carry.
+        One picture is in memory at a time.
+    folder : Path
+        Made if missing; both folders appear in it when they are complete.
+    progress : callable, optional
+        Told after each picture.
+
+    Returns
+    -------
+    int
+        Images with a pose whose picture was not there.
+
+    Raises
+    ------
+    DataError
+        ``folder`` has such folders already; no picture is there, they cannot be read or have not
+        the size of the model's cameras; or they cannot be written under their names.
+    """
+    for name in (IMAGES, SPARSE):
+        if (folder / name).exists():
+            raise DataError(f"{folder / name} is there already. Choose another folder")
+    make_folder(folder)
+    made = undistorted_model(model)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name, quiet_colmap():
+            unfinished = Path(name)
+            missing = _write_pictures(model, made, pictures, unfinished / IMAGES, progress)
+            write_binary(made, unfinished / SPARSE / "0")
+            for part in (IMAGES, SPARSE):
+                (unfinished / part).replace(folder / part)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+    return missing
+
+
+def undistorted_model(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+    """Return a model as pinhole cameras see it: the same points and poses, other pixels.
+
+    Parameters
+    ----------
+    model : pycolmap.Reconstruction
+        It is not changed.
+
+    Returns
+    -------
+    pycolmap.Reconstruction
+        With cameras of the model PINHOLE, of a size at which no pixel of a picture is blank.
+    """
+    import pycolmap
+
+    made = copy.deepcopy(model)
+    for number in sorted(made.cameras):
+        flat = pycolmap.undistort_camera(pycolmap.UndistortCameraOptions(), model.camera(number))
+        flat.camera_id = number
+        flat.has_prior_focal_length = model.camera(number).has_prior_focal_length
+        made.cameras[number] = flat
+    for image in registered_images(made):
+        observations = list(image.points2D)
+        if observations:
+            xy = np.array([observation.xy for observation in observations])
+            number = image.camera_id
+            moved = _moved(xy, model.camera(number), made.camera(number))
+            for observation, place in zip(observations, moved, strict=True):
+                observation.xy = place
+    return made
+
+
+def _moved(
+    xy: NDArray[np.float64], camera: pycolmap.Camera, pinhole: pycolmap.Camera
+) -> NDArray[np.float64]:
+    """(N, 2) px where a pinhole camera sees what another one with a lens sees at ``xy``."""
+    rays: Any = camera.cam_from_img(xy)
+    moved: Any = pinhole.img_from_cam(np.column_stack([rays, np.ones(len(rays))]))
+    # What lies beyond the reach of the lens model has no ray.
+    return np.where(np.isfinite(moved), moved, xy)
+
+
+def _write_pictures(
+    model: pycolmap.Reconstruction,
+    made: pycolmap.Reconstruction,
+    pictures: Path,
+    folder: Path,
+    progress: Callable[[int, int | None], None] | None,
+) -> int:
+    """Write the pictures without distortion; colour the points, drop images without a picture."""
+    import pycolmap
+
+    missing = {image.image_id: image.frame_id for image in registered_images(made)}
+    positions = {number: position for position, number in enumerate(missing)}
+    numbers = list(positions)
+    colouring = {numbers[position] for position in frames_that_see_all(made, positions)}
+    blacken(made)
+    for image, picture in model_pictures(model, pictures):
+        camera = model.camera(image.camera_id)
+        flat, _ = pycolmap.undistort_image(pycolmap.UndistortCameraOptions(), picture, camera)
+        write_picture(flat, folder / safe_name(image.name))
+        if image.image_id in colouring:
+            made.extract_colors_for_image(image.image_id, folder)
+        del missing[image.image_id]
+        if progress is not None:
+            progress(len(positions) - len(missing), len(positions))
+    for frame in set(missing.values()):
+        made.deregister_frame(frame)
+    return len(missing)
