@@ -89,7 +89,7 @@ def provenance() -> dict[str, Any]:
     versions["system"] = platform.platform()
     now = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         "mvmatch": {
             "version": _version("mvmatch"),
             "created": now,

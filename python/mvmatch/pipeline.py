@@ -18,6 +18,7 @@ from mvmatch.errors import NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
+from mvmatch.pairing import sum_by_frame
 from mvmatch.stages import Stage, State
 from mvmatch.work import digest, open_work
 
@@ -309,7 +310,7 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
 
 def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
     match, model, tracks, options = run.match, run.model, state.tracks, state.options
-    after = tracks.adjacency(match.num_frames, max_gap=state.max_gap)
+    after = tracks.adjacency(state.max_gap)
     lengths = np.diff(tracks.offsets)
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
@@ -333,7 +334,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
             "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
             "max_track_length": int(lengths.max()) if len(lengths) else 0,
             "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
-            "matches_per_image": after.sum(axis=1).tolist(),
+            "matches_per_image": sum_by_frame(after, match.num_frames).tolist(),
             "num_pairs": run.database.num_pairs,
             "num_estimated_pairs": run.database.num_estimated_pairs,
             "num_verified_pairs": run.database.num_verified_pairs,

@@ -194,9 +194,13 @@ def adjacency(facts: Facts) -> str:
     ]
     if not drawn:
         return ""
-    top = max(float(np.max(matrix, initial=0)) for matrix, _ in drawn)
+    counted = [(np.array(rows, np.int64).reshape(-1, 3), caption) for rows, caption in drawn]
+    top = max(float(pairs[:, 2].max(initial=0)) for pairs, _ in counted)
+    frames = max(int(pairs[:, :2].max(initial=0)) + 1 for pairs, _ in counted)
+    frames = max(frames, len(items(part(facts, "matches"), "keypoints_per_image")))
     figures = "".join(
-        _figure(chart.heatmap(matrix, label=caption, top=top), caption) for matrix, caption in drawn
+        _figure(chart.heatmap(pairs, frames, label=caption, top=top), caption)
+        for pairs, caption in counted
     )
     return _section(
         "Which images are connected",
