@@ -27,7 +27,7 @@ VIDEO = "encoded.ivf"
 TRACKS = "tracks.parquet"
 DATABASE = "database.db"
 MODEL = "sparse"
-"""Folder of the COLMAP model ``0``; absent when no model was accepted."""
+"""Folder of the COLMAP model ``0``, and of those of further parts; absent without any."""
 MASKS = "masks"
 """Folder of COLMAP masks, one per picture; only with ``masks``."""
 REPORT = "report.json"
@@ -173,6 +173,8 @@ def describe_model(
         "total": model.total,
         "num_keyframes": model.num_keyframes,
         "unregistered": [dataclasses.asdict(image) for image in model.unregistered],
+        "joints": [dataclasses.asdict(joint) for joint in model.joints],
+        "further": [f"{MODEL}/{path.name}" for path in model.further],
         "num_points": model.num_points,
         "dense": None if dense is None else dataclasses.asdict(dense),
         "mean_reprojection_error": model.mean_reprojection_error,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mvmatch import outputs, stages
+from mvmatch import outputs, products, stages
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode.frames import open_frames
@@ -275,7 +275,7 @@ def _finished(state: State, out: Path, made: Mapping[str, Product], reused: tupl
     """Return what the stages made, as it will be in ``out``, with its report."""
     model, encoding = state.model, state.encoding
     if model.path is not None:
-        model = dataclasses.replace(model, path=out / outputs.MODEL / model.path.name)
+        model = products.moved(model, out / outputs.MODEL)
     if encoding is not None:
         encoding = dataclasses.replace(encoding, path=out / encoding.path.name)
     run = Run(

@@ -252,6 +252,7 @@ def model(facts: Facts) -> str:
         *_dense(part(found, "dense")),
         ("Mean reprojection error", _number(found.get("mean_reprojection_error"), 3, " px")),
         ("Mean track length", _number(found.get("mean_track_length"), 2, " images")),
+        *([("Further models", ", ".join(items(found, "further")))] if found.get("further") else []),
         ("Accepted", "yes" if found.get("accepted", True) else "no"),
     ]
     reasons = "".join(f"<li>{escape(str(reason))}</li>" for reason in items(found, "reasons"))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mvmatch.sfm.mapping import MIN_STRETCH
+from mvmatch.sfm.evidence import MIN_STRETCH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mvmatch.sfm.adjust import fit_squares, focal_change
+from mvmatch.sfm.adjust import fit_focal_length, focal_change
 from mvmatch.sfm.breaks import (
     MIN_PART,
     bridging_tracks,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from mvmatch.footage import Footage
     from mvmatch.sfm.breaks import Part
     from mvmatch.sfm.evidence import Evidence
-    from mvmatch.sfm.mapping import ReconstructionResult
+    from mvmatch.sfm.result import ReconstructionResult
     from mvmatch.sources import Skipped
     from mvmatch.types import Tracks
 
@@ -52,6 +52,7 @@ Code = Literal[
     "scene-cut",
     "key-frame",
     "few-tracks",
+    "joint",
     "static",
     "rotation",
     "planar",
@@ -101,7 +102,8 @@ class Diagnosis:
 
     status: Status = "complete"
     """``complete``: all pictures of an undamaged video are registered in an accepted model;
-    ``partial``: some are; ``failed``: no model was accepted."""
+    ``partial``: some are, maybe others in models of further parts; ``failed``: no model was
+    accepted."""
     findings: tuple[Finding, ...] = ()
     """Gravest first; none of a complete model."""
 
@@ -170,7 +172,7 @@ def diagnose(
         found = parts
         if not any(part.code in _NO_PARALLAX for part in parts):
             found += _focal_length(result, evidence)
-        found += [*_repeats(footage), *_unregistered(result)]
+        found += [*_joints(result, found), *_repeats(footage), *_unregistered(result)]
     if damage is not None:
         found.insert(0, _damage(damage, result.total))
     return Diagnosis(status=status, findings=tuple(found) or (_unexplained(result),))
@@ -321,9 +323,7 @@ def _focal_length(result: ReconstructionResult, evidence: Evidence) -> list[Find
         return []
     wanted = pycolmap.Reconstruction(model)
     if evidence.has_prior_focal_length:
-        cost = fit_squares(wanted, "nothing")
-        saved = max(0.0, cost - fit_squares(wanted, "focal length"))
-        error = math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
+        error = fit_focal_length(wanted)
         if error < MIN_FOCAL_ERROR or focal_change(model, wanted) <= MAX_FOCAL_CHANGE:
             return []
     given, refined = (_focal(cameras) for cameras in (evidence.cameras, dict(wanted.cameras)))
@@ -340,6 +340,23 @@ def _focal_length(result: ReconstructionResult, evidence: Evidence) -> list[Find
             advice="Give the true camera with --camera (of pictures of this size), or none: then "
             "it is estimated.",
         )
+    ]
+
+
+def _joints(result: ReconstructionResult, known: Sequence[Finding]) -> list[Finding]:
+    """Name the places that no model holds across, where nothing else is known of them."""
+    named = [part for finding in known for part in finding.frames]
+    return [
+        Finding(
+            code="joint",
+            frames=((joint.before - 1, joint.after - 1),),
+            sentence=f"No model holds across the pictures {joint.before - 1} to "
+            f"{joint.after - 1}: {joint.reason}.",
+            advice="What the camera sees there gives wrong matches: leave it out, or give more "
+            "frames per second.",
+        )
+        for joint in result.joints
+        if not any(a <= joint.after - 1 and b >= joint.before - 1 for a, b in named)
     ]
 
 

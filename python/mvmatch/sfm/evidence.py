@@ -35,6 +35,12 @@ MAX_PAIRS = 500
 MAX_REFITTED_PAIRS = 150
 """As `MAX_PAIRS`, where every pair has to be fitted."""
 
+MIN_DISPLACEMENT = 1.0
+"""px; a camera whose matches move less at every gap stands still."""
+
+MIN_STRETCH = 0.005
+"""A camera that moves by less than this share of the distance to the scene only turns."""
+
 _MAX_SAMPLE = 256
 
 
@@ -80,10 +86,30 @@ class Evidence:
 
     num_images: int
     pairs: tuple[PairEvidence, ...]
-    num_observations: int
-    """Keypoints that have a verified match."""
+    matched: Mapping[int, int]
+    """Keypoints that have a verified match, by image id, rising."""
     cameras: Mapping[int, pycolmap.Camera]
     """What the motion was measured with: another camera measures another one."""
+
+    @property
+    def image_ids(self) -> list[int]:
+        """Of the images, rising."""
+        return list(self.matched)
+
+    @property
+    def num_observations(self) -> int:
+        """Keypoints that have a verified match."""
+        return sum(self.matched.values())
+
+    def within(self, image_ids: Sequence[int]) -> Evidence:
+        """Return what is known of some of the images alone."""
+        inside = frozenset(image_ids)
+        return Evidence(
+            num_images=len(inside),
+            pairs=tuple(pair for pair in self.pairs if {pair.image0, pair.image1} <= inside),
+            matched={image: count for image, count in self.matched.items() if image in inside},
+            cameras=self.cameras,
+        )
 
     @property
     def has_prior_focal_length(self) -> bool:
@@ -167,9 +193,23 @@ def read_evidence(
     return Evidence(
         num_images=len(images),
         pairs=tuple(pairs),
-        num_observations=int(sum(int(mask.sum()) for mask in matched.values())),
+        matched={image_id: int(matched[image_id].sum()) for image_id in sorted(matched)},
         cameras=measured,
     )
+
+
+def hopeless(evidence: Evidence) -> str | None:
+    """Say why no model can come of this database, if none can."""
+    if not evidence.pairs:
+        return "no image pair has enough verified matches"
+    if max(pair.displacement for pair in evidence.pairs) < MIN_DISPLACEMENT:
+        return (
+            "the camera does not move: half of the matches of every image pair stay within "
+            f"{MIN_DISPLACEMENT:g} px"
+        )
+    if all(pair.homography_ratio > 0.95 and pair.stretch < MIN_STRETCH for pair in evidence.pairs):
+        return "the camera only turns: a rotation explains the matches of every image pair"
+    return None
 
 
 def _measure(
