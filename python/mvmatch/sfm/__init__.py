@@ -2,8 +2,9 @@
 
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
-from mvmatch.sfm.diagnosis import Diagnosis, Finding, diagnose, status_of
+from mvmatch.sfm.diagnosis import diagnose
 from mvmatch.sfm.files import write_model
+from mvmatch.sfm.findings import Diagnosis, Finding, status_of
 from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
 from mvmatch.sfm.localize import LocalizeOptions, Unregistered
 from mvmatch.sfm.mapping import reconstruct

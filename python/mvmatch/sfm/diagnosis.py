@@ -12,9 +12,8 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from mvmatch.sfm.breaks import (
     runs,
 )
 from mvmatch.sfm.evidence import read_evidence
+from mvmatch.sfm.findings import Diagnosis, Finding, status_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -40,27 +40,10 @@ if TYPE_CHECKING:
 
     from mvmatch.errors import MvmatchError
     from mvmatch.footage import Footage
-    from mvmatch.sfm.breaks import Part
     from mvmatch.sfm.evidence import Evidence
     from mvmatch.sfm.result import ReconstructionResult
     from mvmatch.sources import Skipped
     from mvmatch.types import Tracks
-
-Status = Literal["complete", "partial", "failed"]
-Code = Literal[
-    "damage",
-    "scene-cut",
-    "key-frame",
-    "few-tracks",
-    "joint",
-    "static",
-    "rotation",
-    "planar",
-    "focal-length",
-    "repeats",
-    "unregistered",
-    "unexplained",
-]
 
 MIN_BRIDGE = 20
 """Tracks that must lead from one picture to the next (`AcceptanceOptions.min_joint`)."""
@@ -81,38 +64,6 @@ _COPY_AGAIN = "Copy or download the video again."
 
 _NO_PARALLAX = frozenset({"static", "rotation", "planar"})
 """Where these were found, nothing is known of the focal length."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One thing that stands in the way of a whole model."""
-
-    code: Code
-    frames: tuple[Part, ...]
-    """Where: first and last picture (display index) of each part; empty: everywhere."""
-    sentence: str
-    """What is the matter."""
-    advice: str
-    """What to try."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Diagnosis:
-    """How much of a model there is, and what stands in the way of the rest."""
-
-    status: Status = "complete"
-    """``complete``: all pictures of an undamaged video are registered in an accepted model;
-    ``partial``: some are, maybe others in models of further parts; ``failed``: no model was
-    accepted."""
-    findings: tuple[Finding, ...] = ()
-    """Gravest first; none of a complete model."""
-
-
-def status_of(result: ReconstructionResult, damage: MvmatchError | None = None) -> Status:
-    """Return how much of a model there is."""
-    if not result.accepted:
-        return "failed"
-    return "complete" if damage is None and result.registered == result.total else "partial"
 
 
 def diagnose(

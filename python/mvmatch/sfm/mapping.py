@@ -21,7 +21,7 @@ from mvmatch.sfm.files import check_database, write_model
 from mvmatch.sfm.keyframes import select_keyframes
 from mvmatch.sfm.localize import unmapped
 from mvmatch.sfm.options import MapperOptions
-from mvmatch.sfm.parts import find_joints, is_sound, parted
+from mvmatch.sfm.parts import ends, find_joints, is_sound, parted
 from mvmatch.sfm.result import ReconstructionResult
 
 if TYPE_CHECKING:
@@ -140,21 +140,30 @@ class _Sequence:
         whole = self._map_part(self.evidence)
         if whole is None:
             return None, []
-        if whole.check.accepted:
-            return whole, [whole]
-        refused, held = [whole], list[_Part]()
-        while refused:
-            part = refused.pop()
-            joints = find_joints(part.model, part.evidence, self.options.acceptance)
-            sides = parted(part.evidence.image_ids, joints) if joints else []
-            found = [self._map_part(part.evidence.within(ids)) for ids in sides if self._fits(ids)]
+        held = [whole] if whole.check.accepted else []
+        unparted = [whole]
+        while unparted:
+            part = unparted.pop()
+            sides, joints = self._sides(part)
+            found = [self._map_part(part.evidence.within(ids)) for ids in sides]
             usable = [each for each in found if each is not None]
             if usable:
                 self.joints.extend(joints)
             held += [each for each in usable if self._holds(each)]
-            refused += [each for each in usable if not each.check.accepted]
+            unparted += usable
         self.joints.sort(key=lambda joint: joint.before)
         return whole, sorted(held, key=lambda part: -part.check.registered)
+
+    def _sides(self, part: _Part) -> tuple[list[list[int]], tuple[Joint, ...]]:
+        """Images on either side of the joints of a refused part, or left out of an accepted one."""
+        if part.check.accepted:
+            joints = ends(part.model, part.evidence)
+            known = frozenset(part.model.reg_image_ids())
+        else:
+            joints = find_joints(part.model, part.evidence, self.options.acceptance)
+            known = frozenset[int]()
+        sides = parted(part.evidence.image_ids, joints) if joints else []
+        return [ids for ids in sides if self._fits(ids) and known.isdisjoint(ids)], joints
 
     def _fits(self, image_ids: Sequence[int]) -> bool:
         """Whether a part may become large enough."""

@@ -54,9 +54,27 @@ def find_joints(
         model. None where nothing speaks against one place more than against others.
     """
     return (
-        _ends(model, evidence)
+        ends(model, evidence)
         or _weakest(model, evidence, options)
         or _contradicted(model, evidence, options)
+    )
+
+
+def ends(model: pycolmap.Reconstruction, evidence: Evidence) -> tuple[Joint, ...]:
+    """Find the ends of the longest stretch without `MIN_PART` unregistered images in a row."""
+    ids = evidence.image_ids
+    known = np.isin(ids, list(model.reg_image_ids()))
+    for first, last in runs(~known):
+        known[first : last + 1] = last - first + 1 < MIN_PART
+    stretches = runs(known)
+    if not stretches:
+        return ()
+    first, last = max(stretches, key=lambda stretch: stretch[1] - stretch[0])
+    reason = "the mapper found no way across"
+    return tuple(
+        Joint(before=ids[place], after=ids[place + 1], reason=reason)
+        for place in (first - 1, last)
+        if 0 <= place < len(ids) - 1
     )
 
 
@@ -87,24 +105,6 @@ def parted(image_ids: Sequence[int], joints: Sequence[Joint]) -> list[list[int]]
     """Part images at joints."""
     cuts = [0, *(bisect_right(image_ids, joint.before) for joint in joints), len(image_ids)]
     return [list(image_ids[start:end]) for start, end in pairwise(cuts)]
-
-
-def _ends(model: pycolmap.Reconstruction, evidence: Evidence) -> tuple[Joint, ...]:
-    """Find the ends of the longest stretch without `MIN_PART` unregistered images in a row."""
-    ids = evidence.image_ids
-    known = np.isin(ids, list(model.reg_image_ids()))
-    for first, last in runs(~known):
-        known[first : last + 1] = last - first + 1 < MIN_PART
-    stretches = runs(known)
-    if not stretches:
-        return ()
-    first, last = max(stretches, key=lambda stretch: stretch[1] - stretch[0])
-    reason = "the mapper found no way across"
-    return tuple(
-        Joint(before=ids[place], after=ids[place + 1], reason=reason)
-        for place in (first - 1, last)
-        if 0 <= place < len(ids) - 1
-    )
 
 
 def _weakest(
