@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.pairing import sum_by_pair
 from mvmatch.types import Correspondences, MotionField
 
 if TYPE_CHECKING:
@@ -54,36 +55,18 @@ def from_motion(field: MotionField, *, keep_zero: bool = True) -> list[Correspon
     return result
 
 
-def adjacency(
-    correspondences: Iterable[Correspondences], num_frames: int | None = None
-) -> NDArray[np.int64]:
+def adjacency(correspondences: Iterable[Correspondences]) -> NDArray[np.int64]:
     """Count correspondences of every frame pair: the paper's figure 1 before tracks.
 
     Parameters
     ----------
     correspondences : iterable of Correspondences
         Of any frames; both directions of a pair count together.
-    num_frames : int, optional
-        Side of the matrix; by default one more than the largest frame.
 
     Returns
     -------
     ndarray
-        (F, F) int64, symmetric, zero on the diagonal.
-
-    Raises
-    ------
-    ValueError
-        If a frame does not fit into ``num_frames``.
+        (P, 3) int64 ``[frame0, frame1, count]``, ``frame0 < frame1``, pairs in rising order.
     """
     counted = [(pair.frame0, pair.frame1, len(pair)) for pair in correspondences]
-    largest = max((max(frame0, frame1) for frame0, frame1, _ in counted), default=-1)
-    side = largest + 1 if num_frames is None else num_frames
-    if largest >= side:
-        message = f"num_frames is {side}, but correspondences reach frame {largest}"
-        raise ValueError(message)
-    counts = np.zeros((side, side), np.int64)
-    for frame0, frame1, count in counted:
-        counts[frame0, frame1] += count
-        counts[frame1, frame0] += count
-    return counts
+    return sum_by_pair(np.array(counted, np.int64).reshape(-1, 3))

@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mvmatch.errors import DataError
 from mvmatch.pairing import seen_in, shared
 from mvmatch.work import FOLDER
@@ -18,7 +20,6 @@ from mvmatch.work import FOLDER
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from mvmatch.camera import CameraChoice
@@ -31,7 +32,7 @@ VIDEO = "encoded.ivf"
 TRACKS = "tracks.parquet"
 DATABASE = "database.db"
 MODEL = "sparse"
-"""Folder of the COLMAP model ``0``; absent when no model was accepted."""
+"""Folder of the COLMAP model ``0``, and of those of further parts; absent without any."""
 MASKS = "masks"
 """Folder of COLMAP masks, one per picture; only with ``masks``."""
 UNDISTORTED = "undistorted"
@@ -95,7 +96,7 @@ def provenance() -> dict[str, Any]:
     versions["system"] = platform.platform()
     now = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         "mvmatch": {
             "version": _version("mvmatch"),
             "created": now,
@@ -179,6 +180,8 @@ def describe_model(
         "total": model.total,
         "num_keyframes": model.num_keyframes,
         "unregistered": [dataclasses.asdict(image) for image in model.unregistered],
+        "joints": [dataclasses.asdict(joint) for joint in model.joints],
+        "further": [f"{MODEL}/{path.name}" for path in model.further],
         "num_points": model.num_points,
         "dense": None if dense is None else dataclasses.asdict(dense),
         "mean_reprojection_error": model.mean_reprojection_error,
@@ -190,12 +193,14 @@ def describe_model(
 def with_loops(
     adjacency: NDArray[np.int64], tracks: Tracks, loops: Collection[tuple[int, int]]
 ) -> NDArray[np.int64]:
-    """Return (F, F) counts of matches with those of some pairs of frames, however far apart."""
-    counts = adjacency.copy()
+    """Return (P, 3) ``[frame0, frame1, count]`` of matches with those of loops, far apart."""
+    if not loops:
+        return adjacency
     near = seen_in(tracks, {frame for pair in loops for frame in pair})
-    for first, second in loops:
-        counts[first, second] = counts[second, first] = len(shared(near, first, second))
-    return counts
+    closed = [(first, second, len(shared(near, first, second))) for first, second in loops]
+    counts = np.concatenate([np.array(closed, np.int64), adjacency])
+    _, rows = np.unique(counts[:, :2], axis=0, return_index=True)
+    return counts[rows]
 
 
 def _link(source: Path, path: Path) -> None:

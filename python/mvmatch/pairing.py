@@ -65,14 +65,32 @@ def observed(tracks: Tracks, rows: NDArray[np.int64]) -> Tracks:
     return type(tracks)(offsets=offsets, frame=tracks.frame[rows], xy=tracks.xy[rows])
 
 
-def adjacency(tracks: Tracks, num_frames: int, max_gap: int | None) -> NDArray[np.int64]:
-    """Count (F, F) matches; see :meth:`mvmatch.types.Tracks.adjacency`."""
-    upper = np.zeros(num_frames * num_frames, np.int64)
+def adjacency(tracks: Tracks, max_gap: int | None) -> NDArray[np.int64]:
+    """Count the matches of pairs; see :meth:`mvmatch.types.Tracks.adjacency`."""
+    counts = np.empty((0, 3), np.int64)
     for part in tracks.parts():
         first, second = _matched(part, np.arange(part.num_observations), max_gap)
-        np.add.at(upper, part.frame[first].astype(np.int64) * num_frames + part.frame[second], 1)
-    upper = upper.reshape(num_frames, num_frames)
-    return upper + upper.T
+        pairs = part.frame[first], part.frame[second], np.ones_like(first)
+        counts = sum_by_pair(np.concatenate([counts, np.stack(pairs, axis=1, dtype=np.int64)]))
+    return counts
+
+
+def sum_by_pair(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Add up (N, 3) ``[frame, frame, count]`` rows: (P, 3), the earlier frame first, rising."""
+    frames = np.sort(counts[:, :2], axis=1)
+    side = int(frames.max(initial=0)) + 1
+    pairs, place = np.unique(frames @ np.array([side, 1]), return_inverse=True)
+    total = np.zeros(len(pairs), np.int64)
+    np.add.at(total, place, counts[:, 2])
+    return np.stack([pairs // side, pairs % side, total], axis=1)
+
+
+def sum_by_frame(counts: NDArray[np.int64], num_frames: int) -> NDArray[np.int64]:
+    """Add up (P, 3) ``[frame0, frame1, count]`` rows: (F,) counts of each frame with all others."""
+    total = np.zeros(num_frames, np.int64)
+    for column in (0, 1):
+        np.add.at(total, counts[:, column], counts[:, 2])
+    return total
 
 
 def compact(frame: NDArray[np.int32], num_frames: int) -> NDArray[np.integer[Any]]:

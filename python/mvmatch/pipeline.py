@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mvmatch import outputs, stages
+from mvmatch import outputs, products, stages
 from mvmatch.bridge import require_matcher
 from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
@@ -19,6 +19,7 @@ from mvmatch.errors import DataError, NotAv1Error
 from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
+from mvmatch.pairing import sum_by_frame
 from mvmatch.stages import Stage
 from mvmatch.state import State
 from mvmatch.store import is_table
@@ -304,7 +305,7 @@ def _finished(state: State, out: Path, made: Mapping[str, Product], reused: tupl
     """Return what the stages made, as it will be in ``out``, with its report."""
     model, encoding = state.model, state.encoding
     if model.path is not None:
-        model = dataclasses.replace(model, path=out / outputs.MODEL / model.path.name)
+        model = products.moved(model, out / outputs.MODEL)
     if encoding is not None:
         encoding = dataclasses.replace(encoding, path=out / encoding.path.name)
     run = Run(
@@ -339,9 +340,7 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
 
 def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
     match, model, tracks, options = run.match, run.model, state.tracks, state.options
-    after = outputs.with_loops(
-        tracks.adjacency(match.num_frames, max_gap=state.max_gap), tracks, match.loops
-    )
+    after = outputs.with_loops(tracks.adjacency(state.max_gap), tracks, match.loops)
     lengths = np.diff(tracks.offsets)
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
@@ -365,7 +364,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
             "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
             "max_track_length": int(lengths.max()) if len(lengths) else 0,
             "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
-            "matches_per_image": after.sum(axis=1).tolist(),
+            "matches_per_image": sum_by_frame(after, match.num_frames).tolist(),
             "num_pairs": run.database.num_pairs,
             "num_estimated_pairs": run.database.num_estimated_pairs,
             "num_verified_pairs": run.database.num_verified_pairs,

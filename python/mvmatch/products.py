@@ -24,6 +24,7 @@ from mvmatch.sfm import (
     Attempt,
     Diagnosis,
     Finding,
+    Joint,
     ModelCheck,
     ReconstructionResult,
     Unregistered,
@@ -148,12 +149,16 @@ def read_summary(facts: Facts) -> DatabaseSummary:
     return DatabaseSummary(**facts | changed)
 
 
+_WRITTEN = frozenset({"reconstruction", "path", "further", "attempts", "unregistered", "joints"})
+"""Fields of a result that are no plain facts."""
+
+
 def write_result(result: ReconstructionResult, folder: Path) -> Facts:
     """Write what the mapper made into a folder, a rejected model as well."""
     facts = {
         item.name: getattr(result, item.name)
         for item in dataclasses.fields(result)
-        if item.name not in {"reconstruction", "path", "attempts", "unregistered"}
+        if item.name not in _WRITTEN
     }
     path = result.path
     if path is None and result.reconstruction is not None:
@@ -161,6 +166,8 @@ def write_result(result: ReconstructionResult, folder: Path) -> Facts:
     return facts | {
         "attempts": [dataclasses.asdict(attempt) for attempt in result.attempts],
         "unregistered": [dataclasses.asdict(each) for each in result.unregistered],
+        "joints": [dataclasses.asdict(joint) for joint in result.joints],
+        "further": [further.relative_to(folder).as_posix() for further in result.further],
         "model": None if path is None else path.relative_to(folder).as_posix(),
     }
 
@@ -176,17 +183,31 @@ def read_result(folder: Path, facts: Facts) -> ReconstructionResult:
         "reasons": tuple(facts["reasons"]),
         "attempts": tuple(_attempt(attempt) for attempt in facts["attempts"]),
         "unregistered": tuple(Unregistered(**each) for each in facts["unregistered"]),
+        "joints": tuple(Joint(**each) for each in facts["joints"]),
+        "further": tuple(folder / name for name in facts["further"]),
         "reconstruction": None if path is None else pycolmap.Reconstruction(path),
         "path": path if facts["accepted"] else None,
     }
     return ReconstructionResult(**facts | changed)
 
 
-def with_model(result: ReconstructionResult, path: Path) -> ReconstructionResult:
-    """Return a result with the model of a folder in the place of its own."""
+def with_models(result: ReconstructionResult, folder: Path) -> ReconstructionResult:
+    """Return a result with the models of a folder in the place of its own."""
     import pycolmap
 
-    return dataclasses.replace(result, reconstruction=pycolmap.Reconstruction(path), path=path)
+    there = moved(result, folder)
+    assert there.path is not None
+    return dataclasses.replace(there, reconstruction=pycolmap.Reconstruction(there.path))
+
+
+def moved(result: ReconstructionResult, folder: Path) -> ReconstructionResult:
+    """Return an accepted result whose models are in another folder now."""
+    assert result.path is not None
+    return dataclasses.replace(
+        result,
+        path=folder / result.path.name,
+        further=tuple(folder / further.name for further in result.further),
+    )
 
 
 def read_diagnosis(facts: Facts) -> Diagnosis:
@@ -206,6 +227,7 @@ def _attempt(facts: Facts) -> Attempt:
         check = ModelCheck(**check | {"reasons": tuple(check["reasons"])})
     changed: Facts = {
         "check": check,
+        "images": tuple(facts["images"]),
         "initial_images": None if images is None else tuple(images),
         "reasons": tuple(facts["reasons"]),
     }

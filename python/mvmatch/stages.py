@@ -304,19 +304,25 @@ def load_model(state: State, folder: Path, facts: Facts) -> None:
 
 
 def make_denser(state: State, folder: Path) -> Facts:
-    """Triangulate the further tracks, and write the model with them."""
+    """Triangulate the further tracks, and write the models with them."""
+    import pycolmap
+
     state.tell("densify")
     assert state.model.reconstruction is not None
     tracks = Tracks.concatenate(state.tracks, state.match.further)
     summary = densify(state.model.reconstruction, tracks, options=state.options.densify)
     write_model(state.model.reconstruction, folder / outputs.MODEL)
+    for number, path in enumerate(state.model.further, 1):
+        part = pycolmap.Reconstruction(path)
+        densify(part, tracks, options=state.options.densify)
+        write_model(part, folder / outputs.MODEL, number)
     return dataclasses.asdict(summary)
 
 
 def load_denser(state: State, folder: Path, facts: Facts) -> None:
-    """Take the denser model; what the mapper said of its own stays."""
+    """Take the denser models; what the mapper said of its own stays."""
     state.dense = DensifySummary(**facts)
-    state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+    state.model = products.with_models(state.model, folder / outputs.MODEL)
 
 
 def undistort(state: State, folder: Path) -> Facts:

@@ -361,35 +361,17 @@ class Tracks:
 
         return frame_pairs(self, max_gap, start, self.num_frames if end is None else end)
 
-    def adjacency(
-        self, num_frames: int | None = None, max_gap: int | None = None
-    ) -> NDArray[np.int64]:
-        """Count the matches of every frame pair.
-
-        Parameters
-        ----------
-        num_frames : int, optional
-            Side of the matrix; at least :attr:`num_frames`, which is also the default.
-        max_gap : int, optional
-            As for :meth:`pairs`.
+    def adjacency(self, max_gap: int | None = None) -> NDArray[np.int64]:
+        """Count the matches of every frame pair; ``max_gap`` as for :meth:`pairs`.
 
         Returns
         -------
         ndarray
-            (F, F) int64, symmetric, zero on the diagonal.
-
-        Raises
-        ------
-        ValueError
-            If ``num_frames`` is smaller than :attr:`num_frames`.
+            (P, 3) int64 ``[frame0, frame1, matches]``, ``frame0 < frame1``, pairs in rising order.
         """
         from mvmatch.pairing import adjacency
 
-        side = self.num_frames if num_frames is None else num_frames
-        if side < self.num_frames:
-            message = f"num_frames is {side}, but tracks reach frame {self.num_frames - 1}"
-            raise ValueError(message)
-        return adjacency(self, side, max_gap)
+        return adjacency(self, max_gap)
 
     def select(self, keep: NDArray[np.bool_]) -> Tracks:
         """Tracks where the (T,) mask holds; keypoints are numbered anew."""

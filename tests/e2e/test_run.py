@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from _pytest.capture import CaptureFixture
 
-    from mvmatch.stages import Stage, State
+    from mvmatch.stages import Stage
+    from mvmatch.state import State
 
 DRIVE_CAMERA = "PINHOLE,260.48,260.48,176,100"
 """Of drive.ivf: 0.74 times the width (mvmatch.testing.synthetic_drive)."""

@@ -257,9 +257,9 @@ def test_a_camera_that_stands_still_for_long_gives_no_model_and_says_why(tmp_pat
 
 def test_key_frames_are_matched_along_the_tracks_within_the_budget(tmp_path):
     path = write(corridor(40), tmp_path / "database.db", 40)
-    selection = select_keyframes(path, KeyframeOptions(max_images=0, max_keypoints=60))
+    options = KeyframeOptions(max_images=0, max_keypoints=60)
+    selection = select_keyframes(path, options, mapped=tmp_path / "keyframes.db")
     assert selection is not None
-    selection.write_database(path, tmp_path / "keyframes.db")
     with (
         pycolmap.Database.open(path) as whole,
         pycolmap.Database.open(tmp_path / "keyframes.db") as part,
@@ -282,7 +282,8 @@ def test_a_model_has_no_more_observations_than_memory_was_planned_for(tmp_path):
 
     def most(**bounds) -> int:
         selection = select_keyframes(path, KeyframeOptions(max_images=0, **bounds))
-        kept = selection.images.tracks.select(selection.within_model())
+        tracks = selection.read_images().tracks
+        kept = tracks.select(selection.within_model(tracks))
         return int(np.bincount(kept.frame).max())
 
     everything = most(max_observations=None, max_total=None)

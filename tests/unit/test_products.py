@@ -158,9 +158,10 @@ def test_a_result_without_a_model_keeps_its_attempts(tmp_path: Path) -> None:
         if item.name not in {"reasons", "agreement"}
     }
     check = ModelCheck(**numbers, agreement=float("nan"), reasons=("bent",))  # type: ignore[arg-type]
+    tried = {"images": (1, 9), "initial_images": (1, 5)}
     attempts = (
-        Attempt(mapper="incremental", initial_images=(1, 5), check=check, reasons=("bent",)),
-        Attempt(mapper="global", initial_images=None, check=None, reasons=("no model",)),
+        Attempt(mapper="incremental", **tried, check=check, reasons=("bent",)),
+        Attempt(mapper="global", images=(1, 9), initial_images=None, check=None, reasons=("none",)),
     )
     result = ReconstructionResult(
         reconstruction=None,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mvmatch.report import write_report
-from mvmatch.report.chart import MAX_HEATMAP, heatmap, histogram
+from mvmatch.report.chart import MAX_HEATMAP, _cells, heatmap, histogram
 from mvmatch.types import TwoViewScore
 
 if TYPE_CHECKING:
@@ -23,15 +23,16 @@ FRAMES = 24
 def facts() -> dict[str, Any]:
     """What a run would hand over, NumPy values and dataclasses included."""
     rng = np.random.default_rng(0)
-    distance = abs(np.subtract.outer(np.arange(FRAMES), np.arange(FRAMES)))
-    before = np.where(distance == 1, 2400, 0)
-    after = np.where((distance > 0) & (distance < 12), (4000 * 0.7**distance).astype(int), 0)
+    before = [[frame, frame + 1, 2400] for frame in range(FRAMES - 1)]
+    after = {
+        (i, j): int(4000 * 0.7 ** (j - i)) for i in range(FRAMES) for j in range(i + 1, FRAMES)
+    }
     scores = [
         TwoViewScore(
             frame0=i,
             frame1=j,
             model="E",
-            num_correspondences=int(after[i, j]),
+            num_correspondences=after[i, j],
             num_inliers=int(after[i, j] * 0.96),
             inlier_ratio=float(np.clip(rng.normal(0.97, 0.02), 0, 1)),
             median_sampson_px=float(rng.gamma(3, 0.03) * (1 + 0.1 * (j - i))),
@@ -41,7 +42,7 @@ def facts() -> dict[str, Any]:
         for j in range(i + 1, min(FRAMES, i + 11))
     ]
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         "mvmatch": {
             "version": "0.1.0",
             "created": "2026-01-01T12:00:00+00:00",
@@ -101,15 +102,15 @@ def facts() -> dict[str, Any]:
             "mean_track_length": 4.6,
             "max_track_length": 21,
             "keypoints_per_image": rng.integers(1500, 2100, FRAMES),
-            "matches_per_image": after.sum(axis=0),
+            "matches_per_image": [9000] * FRAMES,
             "num_pairs": 200,
             "num_estimated_pairs": 60,
             "num_verified_pairs": 200,
-            "num_matches": int(after.sum() // 2),
-            "num_inliers": int(after.sum() // 2 * 0.97),
+            "num_matches": sum(after.values()),
+            "num_inliers": int(0.97 * sum(after.values())),
         },
         "adjacency_before": before,
-        "adjacency_after": after,
+        "adjacency_after": np.array([(i, j, count) for (i, j), count in after.items()]),
         "scores": scores,
         "model": {
             "mapper": "incremental",
@@ -168,7 +169,7 @@ def test_the_json_holds_the_facts_as_plain_values(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert stored["model"]["registered"] == FRAMES
     assert stored["peak_rss_mb"] == 410.0
-    assert stored["adjacency_before"][0][:3] == [0, 2400, 0]
+    assert stored["adjacency_before"][:2] == [[0, 1, 2400], [1, 2, 2400]]
     assert stored["scores"][0]["model"] == "E"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.json"]
 
@@ -262,13 +263,17 @@ def test_a_heatmap_of_a_long_video_stays_small_and_keeps_single_pairs() -> None:
     from base64 import b64decode
 
     frames = 4 * MAX_HEATMAP
-    matrix = np.zeros((frames, frames))
-    matrix[100, 101] = 50
-    drawn = heatmap(matrix, label="pairs", top=50)
+    drawn = heatmap(np.array([[100, 109, 50]]), frames, label="pairs", top=50)
     data = b64decode(re.search(r"base64,([^\"]+)", drawn)[1])  # type: ignore[index]
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(data[16:20], "big") == MAX_HEATMAP
     assert len(drawn) < 20_000
+
+
+def test_the_cells_of_a_heatmap_mirror_each_other_and_keep_the_largest_count() -> None:
+    frames = 2 * MAX_HEATMAP
+    cells = _cells(np.array([[100, 108, 7], [101, 109, 50], [frames - 2, frames - 1, 3]]), frames)
+    assert (cells[50, 54], cells[54, 50], cells[-1, -1], cells.sum()) == (50, 50, 3, 103)
 
 
 def test_a_histogram_counts_every_value_once() -> None:

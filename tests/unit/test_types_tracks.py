@@ -40,23 +40,15 @@ def test_a_keypoint_keeps_its_number_in_every_pair():
 
 def test_pairs_and_adjacency_stop_at_the_gap_that_is_asked_for():
     assert [pair[:2] for pair in THREE.pairs(max_gap=1)] == [(0, 1), (1, 2)]
-    near = THREE.adjacency(max_gap=1)
-    assert near[1, 3] == 0
-    assert THREE.adjacency()[1, 3] == 1
-    np.testing.assert_array_equal(near, near.T)
-    assert near[0, 1] == 2
-
-
-def test_adjacency_grows_to_the_number_of_frames_and_never_shrinks_below_the_tracks():
-    assert THREE.adjacency(6).shape == (6, 6)
-    with pytest.raises(ValueError, match="reach frame 3"):
-        THREE.adjacency(3)
+    assert THREE.adjacency(max_gap=1)[0].tolist() == [0, 1, 2]
+    assert THREE.adjacency(max_gap=1)[:, :2].tolist() == [[0, 1], [1, 2]]
+    assert [1, 3, 1] in THREE.adjacency().tolist()
 
 
 def test_no_tracks_are_tracks_as_well():
     empty = Tracks.from_lists()
     assert (len(empty), empty.num_frames, list(empty.pairs())) == (0, 0, [])
-    assert empty.adjacency(2).tolist() == [[0, 0], [0, 0]]
+    assert empty.adjacency().shape == (0, 3)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from mvmatch.measure import StageClock
 from mvmatch.pipeline import reconstruct_video
 from mvmatch.sfm import MapperOptions, reconstruct, write_model
 from mvmatch.sfm.options import incremental_options
-from mvmatch.stages import State
+from mvmatch.state import State
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,6 +90,7 @@ class VectorRun:
             camera=given.camera,
             has_to_encode=False,
             masks=False,
+            undistort=False,
             progress=None,
         )
         state.match = dataclasses.replace(

@@ -17,6 +17,7 @@ from mvmatch.cli.settings import (
 
 if TYPE_CHECKING:
     from mvmatch.config import RunOptions
+    from mvmatch.sfm import ReconstructionResult
     from mvmatch.types import TwoViewScore
 
 Camera = Annotated[
@@ -146,7 +147,7 @@ def reconstruct(
     if not model.accepted:
         failure = DataError(f"no model holds: {'; '.join(model.reasons)}. {MODEL_ADVICE}")
     return Outcome(
-        made=[model.path] if model.path is not None else [],
+        made=model_paths(model),
         figures=model_figures(model),
         next=look_at(model.path, database, Path()) if model.path is not None else None,
         data={"model": {k: v for k, v in vars_of(model).items() if k != "reconstruction"}},
@@ -169,6 +170,11 @@ def with_mapper(options: RunOptions, mapper: Literal["incremental", "global"] | 
     if mapper is None:
         return options
     return dataclasses.replace(options, mapper=dataclasses.replace(options.mapper, mapper=mapper))
+
+
+def model_paths(model: ReconstructionResult) -> list[Path]:
+    """Return the folders of the written models."""
+    return [] if model.path is None else [model.path, *model.further]
 
 
 def model_figures(model: Any) -> dict[str, str]:

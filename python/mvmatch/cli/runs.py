@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome, Ticker
-from mvmatch.cli.models import Camera, Mapper, look_at, model_figures, with_mapper
+from mvmatch.cli.models import Camera, Mapper, look_at, model_figures, model_paths, with_mapper
 from mvmatch.cli.settings import (
     BridgeMatcher,
     ExistingPath,
@@ -107,15 +107,12 @@ def run_outcome(made: Run) -> Outcome:
         warnings = [text for text in warnings if not text.startswith("The stream broke off")]
     return Outcome(
         made=[
-            made.out / name
-            for name in (
-                f"{outputs.MODEL}/0",
-                outputs.DATABASE,
-                outputs.MASKS,
-                outputs.UNDISTORTED,
-                outputs.PAGE,
-            )
-            if (made.out / name).exists()
+            *model_paths(made.model),
+            *(
+                made.out / name
+                for name in (outputs.DATABASE, outputs.MASKS, outputs.UNDISTORTED, outputs.PAGE)
+                if (made.out / name).exists()
+            ),
         ],
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"

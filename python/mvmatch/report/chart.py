@@ -21,7 +21,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 12, 44
 _PLOT_WIDTH, _PLOT_HEIGHT = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
 
 MAX_HEATMAP = 512
-"""Cells along a side; larger matrices are drawn with the largest value of each group."""
+"""Cells along a side; of more frames the largest value of each group is drawn."""
 
 _RAMP = np.array([[236, 243, 250], [150, 190, 224], [58, 124, 186], [20, 70, 130], [8, 28, 66]])
 """Light to dark in one hue: safe for every kind of colour vision, and on paper."""
@@ -110,18 +110,17 @@ def paired_bars(
     return _svg(parts, f"{keys[0]} and {keys[1]} by stage", width=width, height=height)
 
 
-def heatmap(matrix: ArrayLike, *, label: str, top: float) -> str:
-    """Draw a square matrix of counts on a logarithmic scale; empty cells stay white.
+def heatmap(pairs: NDArray[np.int64], frames: int, *, label: str, top: float) -> str:
+    """Draw counts of frame pairs as a symmetric matrix, logarithmic; empty cells stay white.
 
     Parameters
     ----------
-    matrix : (F, F) counts.
+    pairs : (P, 3) rows ``[frame0, frame1, count]``.
+    frames : rows and columns of the matrix.
     label : for screen readers.
     top : count of the darkest colour.
     """
-    counts = np.asarray(matrix, np.float64)
-    frames = len(counts)
-    cells = _shrink(counts)
+    cells = _cells(pairs, frames)
     size, left, upper = 330, 46, 8
     image = base64.b64encode(_png(_colours(cells, top))).decode("ascii")
     parts = [
@@ -243,14 +242,13 @@ def _svg(parts: Sequence[str], label: str, *, width: int = _WIDTH, height: int =
     )
 
 
-def _shrink(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    group = math.ceil(len(counts) / MAX_HEATMAP)
-    if group <= 1:
-        return counts
-    size = math.ceil(len(counts) / group)
-    padded = np.zeros((size * group, size * group))
-    padded[: len(counts), : len(counts)] = counts
-    return padded.reshape(size, group, size, group).max(axis=(1, 3))
+def _cells(pairs: NDArray[np.int64], frames: int) -> NDArray[np.float64]:
+    """Symmetric matrix of at most `MAX_HEATMAP` rows: the largest count of each group of frames."""
+    group = math.ceil(frames / MAX_HEATMAP)
+    cells = np.zeros((math.ceil(frames / group),) * 2)
+    row, column = pairs[:, :2].T // group
+    np.maximum.at(cells, (row, column), pairs[:, 2])
+    return np.maximum(cells, cells.T)
 
 
 def _colours(counts: NDArray[np.float64], top: float) -> NDArray[np.uint8]:

@@ -195,9 +195,13 @@ def adjacency(facts: Facts) -> str:
     ]
     if not drawn:
         return ""
-    top = max(float(np.max(matrix, initial=0)) for matrix, _ in drawn)
+    counted = [(np.array(rows, np.int64).reshape(-1, 3), caption) for rows, caption in drawn]
+    top = max(float(pairs[:, 2].max(initial=0)) for pairs, _ in counted)
+    frames = max(int(pairs[:, :2].max(initial=0)) + 1 for pairs, _ in counted)
+    frames = max(frames, len(items(part(facts, "matches"), "keypoints_per_image")))
     figures = "".join(
-        _figure(chart.heatmap(matrix, label=caption, top=top), caption) for matrix, caption in drawn
+        _figure(chart.heatmap(pairs, frames, label=caption, top=top), caption)
+        for pairs, caption in counted
     )
     return _section(
         "Which images are connected",
@@ -256,6 +260,7 @@ def model(facts: Facts) -> str:
         *_dense(part(found, "dense")),
         ("Mean reprojection error", _number(found.get("mean_reprojection_error"), 3, " px")),
         ("Mean track length", _number(found.get("mean_track_length"), 2, " images")),
+        *([("Further models", ", ".join(items(found, "further")))] if found.get("further") else []),
         ("Accepted", "yes" if found.get("accepted", True) else "no"),
     ]
     reasons = "".join(f"<li>{escape(str(reason))}</li>" for reason in items(found, "reasons"))

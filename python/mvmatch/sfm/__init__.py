@@ -2,11 +2,14 @@
 
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
-from mvmatch.sfm.diagnosis import Diagnosis, Finding, diagnose, status_of
+from mvmatch.sfm.diagnosis import diagnose
+from mvmatch.sfm.files import write_model
+from mvmatch.sfm.findings import Diagnosis, Finding, status_of
 from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
 from mvmatch.sfm.localize import LocalizeOptions, Unregistered
-from mvmatch.sfm.mapping import Attempt, ReconstructionResult, reconstruct, write_model
+from mvmatch.sfm.mapping import reconstruct
 from mvmatch.sfm.options import MapperOptions
+from mvmatch.sfm.result import Attempt, Joint, ReconstructionResult
 
 __all__ = [
     "AcceptanceOptions",
@@ -15,6 +18,7 @@ __all__ = [
     "DensifySummary",
     "Diagnosis",
     "Finding",
+    "Joint",
     "KeyframeOptions",
     "LocalizeOptions",
     "MapperOptions",

@@ -86,9 +86,7 @@ def adjust_known_camera(
     free = pycolmap.Reconstruction(model)
     for camera in free.cameras.values():
         _tie_focal_lengths(camera)
-    cost = fit_squares(free, "nothing")
-    saved = max(0.0, cost - fit_squares(free, "focal length"))
-    error = math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
+    error = fit_focal_length(free)
     change = focal_change(model, free)
     _logger.info(
         "a focal length changed by %.2f %% takes away errors of %.3f px", 100 * change, error
@@ -101,6 +99,19 @@ def adjust_known_camera(
         _untie_focal_lengths(camera, model.cameras[key])
     adjust(free, options)
     return free
+
+
+def fit_focal_length(model: pycolmap.Reconstruction) -> float:
+    """Fit the focal length in place, with poses and points, by plain least squares.
+
+    Returns
+    -------
+    float
+        px; root mean square of the errors that another focal length takes away.
+    """
+    cost = fit_squares(model, "nothing")
+    saved = max(0.0, cost - fit_squares(model, "focal length"))
+    return math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
 
 
 def focal_change(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> float:

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pycolmap
 
     from mvmatch.sfm.evidence import Evidence, PairEvidence
@@ -44,6 +46,9 @@ class AcceptanceOptions:
     min_joint: int = 20
     """Points seen on both sides of every cut through the sequence: fewer, and the two parts of the
     model may differ in scale."""
+    min_part: float = 0.2
+    """Share of the images that a part must register to be delivered where no model holds all; each
+    part has to keep the other bounds for itself."""
     min_observations: float = 0.25
     """Share of the matched keypoints that belong to a point of the model."""
 
@@ -97,10 +102,8 @@ def check_model(
     ModelCheck
         With a sentence for every bound that is not kept.
     """
-    errors = relative_motion_errors(model, evidence, options.min_parallax)
-    kept = (errors[:, 0] <= options.max_rotation_error) & (
-        errors[:, 1] <= options.max_direction_error
-    ) | (errors[:, 2] <= options.max_misfit)
+    errors = relative_motion_errors(model, compared_pairs(model, evidence, options))
+    kept = confirmed(errors, options)
     agreement = float(kept.mean()) if len(kept) else float("nan")
     registered = model.num_reg_images()
     error = float(model.compute_mean_reprojection_error())
@@ -135,8 +138,26 @@ def check_model(
     )
 
 
+def compared_pairs(
+    model: pycolmap.Reconstruction, evidence: Evidence, options: AcceptanceOptions
+) -> list[PairEvidence]:
+    """Pairs of registered images with parallax: those a model is compared with."""
+    known = frozenset(model.reg_image_ids())
+    pairs = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= known]
+    return _with_parallax(pairs, options.min_parallax)
+
+
+def confirmed(
+    errors: np.ndarray[tuple[int, int], np.dtype[np.float64]], options: AcceptanceOptions
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(P,) whether :func:`relative_motion_errors` of a pair are within the bounds."""
+    rotation, direction, misfit = errors.T
+    near = (rotation <= options.max_rotation_error) & (direction <= options.max_direction_error)
+    return near | (misfit <= options.max_misfit)
+
+
 def relative_motion_errors(
-    model: pycolmap.Reconstruction, evidence: Evidence, min_parallax: float
+    model: pycolmap.Reconstruction, pairs: Sequence[PairEvidence]
 ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Angles between the relative motion of pairs in the model and in the evidence.
 
@@ -144,14 +165,12 @@ def relative_motion_errors(
     -------
     (P, 3) float64
         Rotation and direction of translation, degrees, and how many times as far the matches lie
-        from the epipolar lines of the model as from the pair's own (median Sampson errors); one row
-        per registered pair with parallax.
+        from the epipolar lines of the model as from the pair's own (median Sampson errors).
     """
-    poses = {image_id: model.image(image_id).cam_from_world() for image_id in model.reg_image_ids()}
-    pairs = [pair for pair in evidence.pairs if pair.image0 in poses and pair.image1 in poses]
     rows: list[tuple[float, float, float]] = []
-    for pair in _with_parallax(pairs, min_parallax):
-        pose = poses[pair.image1] * poses[pair.image0].inverse()
+    for pair in pairs:
+        first, second = (model.image(i).cam_from_world() for i in (pair.image0, pair.image1))
+        pose = second * first.inverse()
         rotation = np.asarray(pose.rotation.matrix(), np.float64)
         translation = np.asarray(pose.translation, np.float64)
         own = max(pair.misfit(pair.rotation, pair.direction), np.finfo(np.float64).tiny)

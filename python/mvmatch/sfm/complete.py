@@ -15,12 +15,10 @@ import logging
 from typing import TYPE_CHECKING
 
 from mvmatch.sfm.adjust import adjust
-from mvmatch.sfm.densify import DensifyOptions, triangulate
+from mvmatch.sfm.densify import DensifyOptions, DensifySummary, triangulate
 from mvmatch.sfm.localize import localize
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import pycolmap
 
     from mvmatch.sfm.keyframes import KeyframeSelection
@@ -38,10 +36,7 @@ TOLERANCE = 1e-4
 
 
 def complete(
-    model: pycolmap.Reconstruction,
-    database: Path,
-    selection: KeyframeSelection,
-    options: MapperOptions,
+    model: pycolmap.Reconstruction, selection: KeyframeSelection, options: MapperOptions
 ) -> tuple[Unregistered, ...]:
     """Register, triangulate and adjust in place what key frames leave out; cameras stay.
 
@@ -49,10 +44,8 @@ def complete(
     ----------
     model : pycolmap.Reconstruction
         Map of the key frames.
-    database : Path
-        Of all images.
     selection : KeyframeSelection
-        Of this database.
+        The key frames, among the images that are to be in the model.
     options : MapperOptions
         Of the mapper.
 
@@ -61,12 +54,7 @@ def complete(
     tuple of Unregistered
         Images that could not be registered.
     """
-    unregistered = localize(
-        model, database, selection.images, options=options.localize, seed=options.seed
-    )
-    added = triangulate(
-        model, selection.images, among=selection.within_model(), options=TRIANGULATION
-    )
+    unregistered, added = _filled(model, selection, options)
     _logger.info(
         "%d images registered to the key frames, %d points added",
         model.num_reg_images() - len(selection.frames),
@@ -74,3 +62,15 @@ def complete(
     )
     adjust(model, options, tolerance=TOLERANCE)
     return unregistered
+
+
+def _filled(
+    model: pycolmap.Reconstruction, selection: KeyframeSelection, options: MapperOptions
+) -> tuple[tuple[Unregistered, ...], DensifySummary]:
+    """Register and triangulate; the tracks of all images are gone before the adjustment."""
+    images = selection.read_images()
+    unregistered = localize(
+        model, selection.database, images, options=options.localize, seed=options.seed
+    )
+    among = selection.within_model(images.tracks)
+    return unregistered, triangulate(model, images, among=among, options=TRIANGULATION)

@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mvmatch.sfm.adjust import fit_squares, focal_change
+from mvmatch.sfm.adjust import fit_focal_length, focal_change
 from mvmatch.sfm.breaks import (
     MIN_PART,
     bridging_tracks,
@@ -31,6 +30,7 @@ from mvmatch.sfm.breaks import (
     runs,
 )
 from mvmatch.sfm.evidence import read_evidence
+from mvmatch.sfm.findings import Diagnosis, Finding, status_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -40,26 +40,10 @@ if TYPE_CHECKING:
 
     from mvmatch.errors import MvmatchError
     from mvmatch.footage import Footage
-    from mvmatch.sfm.breaks import Part
     from mvmatch.sfm.evidence import Evidence
-    from mvmatch.sfm.mapping import ReconstructionResult
+    from mvmatch.sfm.result import ReconstructionResult
     from mvmatch.sources import Skipped
     from mvmatch.types import Tracks
-
-Status = Literal["complete", "partial", "failed"]
-Code = Literal[
-    "damage",
-    "scene-cut",
-    "key-frame",
-    "few-tracks",
-    "static",
-    "rotation",
-    "planar",
-    "focal-length",
-    "repeats",
-    "unregistered",
-    "unexplained",
-]
 
 MIN_BRIDGE = 20
 """Tracks that must lead from one picture to the next (`AcceptanceOptions.min_joint`)."""
@@ -80,37 +64,6 @@ _COPY_AGAIN = "Copy or download the video again."
 
 _NO_PARALLAX = frozenset({"static", "rotation", "planar"})
 """Where these were found, nothing is known of the focal length."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """One thing that stands in the way of a whole model."""
-
-    code: Code
-    frames: tuple[Part, ...]
-    """Where: first and last picture (display index) of each part; empty: everywhere."""
-    sentence: str
-    """What is the matter."""
-    advice: str
-    """What to try."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Diagnosis:
-    """How much of a model there is, and what stands in the way of the rest."""
-
-    status: Status = "complete"
-    """``complete``: all pictures of an undamaged video are registered in an accepted model;
-    ``partial``: some are; ``failed``: no model was accepted."""
-    findings: tuple[Finding, ...] = ()
-    """Gravest first; none of a complete model."""
-
-
-def status_of(result: ReconstructionResult, damage: MvmatchError | None = None) -> Status:
-    """Return how much of a model there is."""
-    if not result.accepted:
-        return "failed"
-    return "complete" if damage is None and result.registered == result.total else "partial"
 
 
 def diagnose(
@@ -170,7 +123,7 @@ def diagnose(
         found = parts
         if not any(part.code in _NO_PARALLAX for part in parts):
             found += _focal_length(result, evidence)
-        found += [*_repeats(footage), *_unregistered(result)]
+        found += [*_joints(result, found), *_repeats(footage), *_unregistered(result)]
     if damage is not None:
         found.insert(0, _damage(damage, result.total))
     return Diagnosis(status=status, findings=tuple(found) or (_unexplained(result),))
@@ -321,9 +274,7 @@ def _focal_length(result: ReconstructionResult, evidence: Evidence) -> list[Find
         return []
     wanted = pycolmap.Reconstruction(model)
     if evidence.has_prior_focal_length:
-        cost = fit_squares(wanted, "nothing")
-        saved = max(0.0, cost - fit_squares(wanted, "focal length"))
-        error = math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
+        error = fit_focal_length(wanted)
         if error < MIN_FOCAL_ERROR or focal_change(model, wanted) <= MAX_FOCAL_CHANGE:
             return []
     given, refined = (_focal(cameras) for cameras in (evidence.cameras, dict(wanted.cameras)))
@@ -340,6 +291,23 @@ def _focal_length(result: ReconstructionResult, evidence: Evidence) -> list[Find
             advice="Give the true camera with --camera (of pictures of this size), or none: then "
             "it is estimated.",
         )
+    ]
+
+
+def _joints(result: ReconstructionResult, known: Sequence[Finding]) -> list[Finding]:
+    """Name the places that no model holds across, where nothing else is known of them."""
+    named = [part for finding in known for part in finding.frames]
+    return [
+        Finding(
+            code="joint",
+            frames=((joint.before - 1, joint.after - 1),),
+            sentence=f"No model holds across the pictures {joint.before - 1} to "
+            f"{joint.after - 1}: {joint.reason}.",
+            advice="What the camera sees there gives wrong matches: leave it out, or give more "
+            "frames per second.",
+        )
+        for joint in result.joints
+        if not any(a <= joint.after - 1 and b >= joint.before - 1 for a, b in named)
     ]
 
 

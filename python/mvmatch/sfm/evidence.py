@@ -83,10 +83,30 @@ class Evidence:
 
     num_images: int
     pairs: tuple[PairEvidence, ...]
-    num_observations: int
-    """Keypoints that have a verified match."""
+    matched: Mapping[int, int]
+    """Keypoints that have a verified match, by image id, rising."""
     cameras: Mapping[int, pycolmap.Camera]
     """What the motion was measured with: another camera measures another one."""
+
+    @property
+    def image_ids(self) -> list[int]:
+        """Of the images, rising."""
+        return list(self.matched)
+
+    @property
+    def num_observations(self) -> int:
+        """Keypoints that have a verified match."""
+        return sum(self.matched.values())
+
+    def within(self, image_ids: Sequence[int]) -> Evidence:
+        """Return what is known of some of the images alone."""
+        inside = frozenset(image_ids)
+        return Evidence(
+            num_images=len(inside),
+            pairs=tuple(pair for pair in self.pairs if {pair.image0, pair.image1} <= inside),
+            matched={image: count for image, count in self.matched.items() if image in inside},
+            cameras=self.cameras,
+        )
 
     @property
     def has_prior_focal_length(self) -> bool:
@@ -170,7 +190,7 @@ def read_evidence(
     return Evidence(
         num_images=len(images),
         pairs=tuple(pairs),
-        num_observations=int(sum(int(mask.sum()) for mask in matched.values())),
+        matched={image_id: int(matched[image_id].sum()) for image_id in sorted(matched)},
         cameras=measured,
     )
 

@@ -9,7 +9,7 @@ alone, before anything is mapped.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -26,7 +26,7 @@ from mvmatch.sfm.database import (
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -124,10 +124,12 @@ def _since(tracks: Tracks, keyframe: int, frame: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KeyframeSelection:
-    """The key frames of a database."""
+    """The key frames of a database, or of some of its successive images."""
 
-    images: ImageTracks
-    """Of all images."""
+    database: Path
+    """Of all images. Their tracks are read when they are needed: mapping has no room for them."""
+    all_ids: NDArray[np.int64]
+    """(F,) of the images, key frames and others, rising."""
     frames: NDArray[np.int64]
     """(K,) positions of the key frames among the images, rising."""
     loops: NDArray[np.int64]
@@ -138,21 +140,54 @@ class KeyframeSelection:
 
     @property
     def num_images(self) -> int:
-        """Of the database, key frames and others."""
-        return len(self.images.image_ids)
+        """Key frames and others."""
+        return len(self.all_ids)
 
     @property
     def image_ids(self) -> list[int]:
         """Of the key frames, rising."""
-        return self.images.image_ids[self.frames].tolist()
+        return self.all_ids[self.frames].tolist()
 
-    def write_database(self, source: Path, path: Path) -> None:
+    def around(self, image_ids: Sequence[int]) -> KeyframeSelection:
+        """Return some successive key frames, with the images from the first to the last of them.
+
+        Before the first key frame and after the last there is no boundary.
+        """
+        places = self.frames[np.isin(self.image_ids, image_ids)]
+        start = 0 if image_ids[0] == self.image_ids[0] else int(places[0])
+        end = self.num_images if image_ids[-1] == self.image_ids[-1] else int(places[-1]) + 1
+        chosen = (self.frames >= start) & (self.frames < end)
+        inside = ((self.loops >= start) & (self.loops < end)).all(axis=1)
+        return replace(
+            self,
+            all_ids=self.all_ids[start:end],
+            frames=self.frames[chosen] - start,
+            loops=self.loops[inside] - start,
+        )
+
+    def read_images(self) -> ImageTracks:
+        """Read the tracks of the images."""
+        images = read_image_tracks(self.database)
+        start = images.image_ids.tolist().index(int(self.all_ids[0]))
+        end = start + self.num_images
+        if self.num_images == len(images.image_ids):
+            return images
+        tracks = images.tracks
+        inside = (tracks.frame >= start) & (tracks.frame < end)
+        return ImageTracks(
+            image_ids=self.all_ids,
+            tracks=_observed(tracks, inside, tracks.frame - np.int32(start)),
+            keypoint=images.keypoint[inside],
+        )
+
+    def write_database(self, images: ImageTracks, path: Path) -> None:
         """Write a database of the key frames, matched along the tracks that the budget admits."""
-        tracks, keypoint = self._between_keyframes()
+        tracks, keypoint = self._between_keyframes(images)
+        ids = self.image_ids
         matches = [
             (
-                int(self.images.image_ids[self.frames[first]]),
-                int(self.images.image_ids[self.frames[second]]),
+                ids[first],
+                ids[second],
                 np.stack(
                     [
                         keypoint[tracks.observations(first)[pairs[:, 0]]],
@@ -164,7 +199,7 @@ class KeyframeSelection:
             for first, second, pairs in self._pairs(tracks)
             if len(pairs) >= MIN_MATCHES
         ]
-        write_subset(source, path, image_ids=self.image_ids, matches=matches)
+        write_subset(self.database, path, image_ids=ids, matches=matches)
 
     def _pairs(self, tracks: Tracks) -> Iterator[tuple[int, int, NDArray[np.uint32]]]:
         """Key frames, numbered through, that are matched: those near each other, and loops."""
@@ -173,9 +208,8 @@ class KeyframeSelection:
             if second - first > self.options.window:
                 yield first, second, shared(tracks, first, second)
 
-    def within_model(self) -> NDArray[np.bool_]:
+    def within_model(self, tracks: Tracks) -> NDArray[np.bool_]:
         """(T,) tracks that have a place in the finished model; those that close loops always do."""
-        tracks = self.images.tracks
         bounds: list[int] = []
         if self.options.max_observations is not None:
             bounds.append(self.options.max_observations)
@@ -186,17 +220,17 @@ class KeyframeSelection:
         keep = within_budget(tracks, max_keypoints=min(bounds), size=self.size)
         return keep | closes_loop(tracks, self.options)
 
-    def _between_keyframes(self) -> tuple[Tracks, NDArray[np.uint32]]:
+    def _between_keyframes(self, images: ImageTracks) -> tuple[Tracks, NDArray[np.uint32]]:
         """Tracks over key frames, numbered through, and the keypoint of each observation."""
-        tracks = self.images.tracks
-        number = np.full(len(self.images.image_ids), -1, np.int32)
+        tracks = images.tracks
+        number = np.full(self.num_images, -1, np.int32)
         number[self.frames] = np.arange(len(self.frames))
         observed = number[tracks.frame] >= 0
         # A point of the model needs three views.
         lengths = np.bincount(tracks.track_index[observed], minlength=len(tracks))
         observed &= lengths[tracks.track_index] >= 3
         between = _observed(tracks, observed, number[tracks.frame])
-        keypoint = self.images.keypoint[observed]
+        keypoint = images.keypoint[observed]
         if self.options.max_keypoints is None:
             return between, keypoint
         keep = within_budget(between, max_keypoints=self.options.max_keypoints, size=self.size)
@@ -204,13 +238,15 @@ class KeyframeSelection:
         return between.select(keep), keypoint[keep[between.track_index]]
 
 
-def select_keyframes(path: Path, options: KeyframeOptions) -> KeyframeSelection | None:
-    """Choose the key frames of a database.
+def select_keyframes(
+    path: Path, options: KeyframeOptions, *, mapped: Path | None = None
+) -> KeyframeSelection | None:
+    """Choose the key frames of a database, and write their database to ``mapped``.
 
     Returns
     -------
     KeyframeSelection or None
-        None where every image is to be mapped.
+        None where every image is to be mapped; then nothing is written.
     """
     if options.mode == "all":
         return None
@@ -226,13 +262,17 @@ def select_keyframes(path: Path, options: KeyframeOptions) -> KeyframeSelection 
     frames = choose_keyframes(tracks, diagonal=diagonal, options=options)
     if len(frames) < MIN_KEYFRAMES:
         return None
-    return KeyframeSelection(
-        images=images,
+    selection = KeyframeSelection(
+        database=path,
+        all_ids=images.image_ids,
         frames=np.union1d(frames, loops),
         loops=loops,
         size=facts.size,
         options=options,
     )
+    if mapped is not None:
+        selection.write_database(images, mapped)
+    return selection
 
 
 def closes_loop(tracks: Tracks, options: KeyframeOptions) -> NDArray[np.bool_]:

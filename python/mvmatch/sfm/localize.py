@@ -104,14 +104,18 @@ def localize(
     return tuple(failed)
 
 
-def unmapped(model: pycolmap.Reconstruction, database: Path) -> tuple[Unregistered, ...]:
+def unmapped(
+    model: pycolmap.Reconstruction,
+    database: Path,
+    *,
+    reason: str = "the mapper found no pose that its matches agree with",
+) -> tuple[Unregistered, ...]:
     """List the images of a database that a mapper left out."""
     import pycolmap
 
     registered = set(model.reg_image_ids())
     with pycolmap.Database.open(database) as opened:
         names = {image.image_id: image.name for image in opened.read_all_images()}
-    reason = "the mapper found no pose that its matches agree with"
     return tuple(
         Unregistered(image_id=image_id, name=name, reason=reason)
         for image_id, name in sorted(names.items())

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.pairing import sum_by_pair
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -74,12 +76,12 @@ class ReferenceStructure:
         return dict(sorted(zip(self._per_frame[::2], self._per_frame[1::2], strict=True)))
 
     def adjacency(self, num_frames: int) -> NDArray[np.int64]:
-        """(F, F) symmetric counts of vectors between two frames, before any tracking."""
-        counts = np.zeros((num_frames, num_frames), np.int64)
-        frame, reference, rows = np.array(self._pairs, np.int64).reshape(-1, 3).T
-        inside = np.maximum(frame, reference) < num_frames
-        np.add.at(counts, (frame[inside], reference[inside]), rows[inside])
-        return counts + counts.T
+        """(P, 3) ``[frame0, frame1, vectors]`` of the first frames, before any tracking.
+
+        As :meth:`mvmatch.types.Tracks.adjacency`; both directions of a pair count together.
+        """
+        pairs = np.array(self._pairs, np.int64).reshape(-1, 3)
+        return sum_by_pair(pairs[pairs[:, :2].max(axis=1, initial=0) < num_frames])
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return all counts as arrays, to be stored."""
