@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mvmatch.batches import joined
 from mvmatch.bridge import BridgeOptions, bridge_tracks
 from mvmatch.errors import DataError, MvmatchError
 from mvmatch.footage import Footage, FootageObserver, FootageOptions
@@ -318,10 +319,14 @@ def _require_motion(
 
 def _first_frames(tracks: Tracks, num_frames: int) -> Tracks:
     """Drop observations of pictures that the stream announced but never showed."""
+    return joined(_shown(part, num_frames) for part in tracks.parts())
+
+
+def _shown(tracks: Tracks, num_frames: int) -> Tracks:
     keep = tracks.frame < num_frames
-    length = np.add.reduceat(keep, tracks.offsets[:-1]) if len(tracks) else np.zeros(0, np.int64)
+    length = np.add.reduceat(keep, tracks.offsets[:-1])
     # Frames increase in a track, so what is cut is its end; a single point is no track.
-    keep &= np.repeat(length > 1, np.diff(tracks.offsets))
+    keep &= np.repeat(length > 1, tracks.lengths)
     length = length[length > 1]
     return Tracks(
         offsets=np.concatenate([[0], np.cumsum(length)]).astype(np.int64),
