@@ -53,7 +53,7 @@ class Match:
     """Tracks of ``TrackOptions.fill``, which only make a model denser; none without."""
     info: VideoInfo
     """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
-    frames: tuple[FrameFacts, ...]
+    frames: Sequence[FrameFacts]
     """Header facts in decode order."""
     structure: ReferenceStructure
     """Counts of vectors per reference distance and frame pair."""
@@ -140,7 +140,7 @@ def match_video(
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, stage_progress(progress, "match"))
         tracks, further = chain_fields(observer.watch(reading), options=options)
-        frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
+        frames, info, skipped = source.frames, source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
         if num_frames < 2:
