@@ -217,7 +217,7 @@ def read_tracks(path: Path) -> TracksTable:
     file, extra = _open("tracks", path)
     num_tracks = num_rows = 0
     with file, columns(np.int64, np.int32, np.float32) as (offsets, frames, points):
-        for batch in file.iter_batches(_ROWS_AT_ONCE):
+        for batch in _batches(file):
             track, frame, x, y = (batch[name].to_numpy() for name in ("track", "frame", "x", "y"))
             # A track may have begun in the batch before.
             begun = np.arange(num_tracks, int(track[-1]) + 1)
@@ -232,6 +232,13 @@ def read_tracks(path: Path) -> TracksTable:
     return TracksTable(
         tracks=tracks, info=VideoInfo(**extra["info"]), image_names=tuple(extra["image_names"])
     )
+
+
+def _batches(file: Any) -> Iterator[Any]:
+    """Yield the rows of a table, some at a time."""
+    for group in range(file.num_row_groups):
+        # Asked for all groups at once, the reader keeps what it has read of the file.
+        yield from file.iter_batches(_ROWS_AT_ONCE, row_groups=[group])
 
 
 def columns_of_frames(frames: Sequence[FrameFacts]) -> dict[str, list[Any]]:
