@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mvmatch.batches import TrackBatches
+from mvmatch.batches import track_batches
 from mvmatch.cells import field_cells
 from mvmatch.overlays import OverlayFinder, OverlayOptions, Overlays
+from mvmatch.rows import count_entering
 from mvmatch.shots import CutFinder, ShotOptions, end_tracks, find_repeats
 
 if TYPE_CHECKING:
@@ -157,24 +158,20 @@ def _cleaned(
     """Return tracks that end at cuts and overlays, and how many observations lay on overlays."""
     if not cuts and not overlays.cells.any():
         return tracks, 0
-    batches, num_dropped = TrackBatches(), 0
-    for part in tracks.parts():
-        drop = overlays.contain(part.frame, part.xy)
-        num_dropped += int(drop.sum())
-        kept = end_tracks(part, cuts=cuts, drop=drop, min_length=min_length)
-        batches.add(kept.offsets, kept.frame, kept.xy)
-    return batches.tracks(), num_dropped
+    num_dropped = 0
+    with track_batches() as batches:
+        for part in tracks.parts():
+            drop = overlays.contain(part.frame, part.xy)
+            num_dropped += int(drop.sum())
+            kept = end_tracks(part, cuts=cuts, drop=drop, min_length=min_length)
+            batches.add(kept.offsets, kept.frame, kept.xy)
+        return batches.tracks(), num_dropped
 
 
 def _breaks(tracks: Tracks) -> tuple[int, ...]:
     """Return the pictures that no track enters from the one before, up to the last with tracks."""
-    size = tracks.num_frames + 1
-    change = np.zeros(size, np.int64)
-    for part in tracks.parts():
-        first, last = part.frame[part.offsets[:-1]], part.frame[part.offsets[1:] - 1]
-        change += np.bincount(first + 1, minlength=size) - np.bincount(last + 1, minlength=size)
-    entering = np.cumsum(change)
-    return tuple(int(frame) for frame in np.flatnonzero(entering[1:-1] == 0) + 1)
+    entering = count_entering(tracks, tracks.num_frames)
+    return tuple(int(frame) for frame in np.flatnonzero(entering[1:] == 0) + 1)
 
 
 def _ranges(frames: Sequence[int]) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mvmatch.batches import joined
 from mvmatch.bridge import BridgeOptions, LoopOptions, bridge_tracks, close_loops
 from mvmatch.errors import DataError, MvmatchError
 from mvmatch.footage import Footage, FootageObserver, FootageOptions
@@ -53,7 +54,7 @@ class Match:
     """Tracks of ``TrackOptions.fill``, which only make a model denser; none without."""
     info: VideoInfo
     """Facts of the video; ``num_frames`` is the number of pictures that were really there."""
-    frames: tuple[FrameFacts, ...]
+    frames: Sequence[FrameFacts]
     """Header facts in decode order."""
     structure: ReferenceStructure
     """Counts of vectors per reference distance and frame pair."""
@@ -152,7 +153,7 @@ def match_video(
     with open_source(video, read) as source:
         reading = UntilDamage(source, structure, stage_progress(progress, "match"))
         tracks, further = chain_fields(observer.watch(reading), options=options)
-        frames, info, skipped = tuple(source.frames), source.info, tuple(source.skipped)
+        frames, info, skipped = source.frames, source.info, tuple(source.skipped)
     num_frames = 1 + max((f.display_index for f in frames if f.is_shown), default=-1)
     if reading.damage is not None:
         if num_frames < 2:
@@ -393,10 +394,14 @@ def _require_motion(
 
 def _first_frames(tracks: Tracks, num_frames: int) -> Tracks:
     """Drop observations of pictures that the stream announced but never showed."""
+    return joined(_shown(part, num_frames) for part in tracks.parts())
+
+
+def _shown(tracks: Tracks, num_frames: int) -> Tracks:
     keep = tracks.frame < num_frames
-    length = np.add.reduceat(keep, tracks.offsets[:-1]) if len(tracks) else np.zeros(0, np.int64)
+    length = np.add.reduceat(keep, tracks.offsets[:-1])
     # Frames increase in a track, so what is cut is its end; a single point is no track.
-    keep &= np.repeat(length > 1, np.diff(tracks.offsets))
+    keep &= np.repeat(length > 1, tracks.lengths)
     length = length[length > 1]
     return Tracks(
         offsets=np.concatenate([[0], np.cumsum(length)]).astype(np.int64),

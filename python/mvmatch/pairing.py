@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.rows import observed
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
@@ -54,15 +56,7 @@ def shared(tracks: Tracks, frame0: int, frame1: int) -> NDArray[np.uint32]:
 
 def seen_in(tracks: Tracks, frames: Collection[int]) -> Tracks:
     """Return what is observed in some frames; see :meth:`mvmatch.types.Tracks.during`."""
-    return observed(tracks, np.flatnonzero(np.isin(tracks.frame, list(frames))))
-
-
-def observed(tracks: Tracks, rows: NDArray[np.int64]) -> Tracks:
-    """Tracks of (N,) observations, rising; what has none of them is left out."""
-    track = np.searchsorted(tracks.offsets, rows, side="right")
-    starts = np.flatnonzero(np.diff(track, prepend=-1))
-    offsets = np.append(starts, len(rows)).astype(np.int64)
-    return type(tracks)(offsets=offsets, frame=tracks.frame[rows], xy=tracks.xy[rows])
+    return observed(tracks, np.flatnonzero(np.isin(tracks.frame, list(frames))))[1]
 
 
 def adjacency(tracks: Tracks, max_gap: int | None) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ from mvmatch.matching import Match, Progress, open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
 from mvmatch.pairing import sum_by_frame
+from mvmatch.rows import count_keypoints
 from mvmatch.stages import Stage
 from mvmatch.state import State
 from mvmatch.store import is_table
@@ -341,7 +342,6 @@ def _describe_movers(weights: NDArray[np.float64], options: RunOptions) -> dict[
 def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str, Any]:
     match, model, tracks, options = run.match, run.model, state.tracks, state.options
     after = outputs.with_loops(tracks.adjacency(state.max_gap), tracks, match.loops)
-    lengths = np.diff(tracks.offsets)
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
         *match.warnings,
@@ -361,9 +361,9 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
             "num_tracks": len(tracks),
             "num_further_tracks": len(match.further),
             "num_observations": len(tracks.frame),
-            "mean_track_length": float(lengths.mean()) if len(lengths) else 0.0,
-            "max_track_length": int(lengths.max()) if len(lengths) else 0,
-            "keypoints_per_image": np.bincount(tracks.frame, minlength=match.num_frames).tolist(),
+            "mean_track_length": tracks.num_observations / max(len(tracks), 1),
+            "max_track_length": max((int(p.lengths.max()) for p in tracks.parts()), default=0),
+            "keypoints_per_image": count_keypoints(tracks, match.num_frames).tolist(),
             "matches_per_image": sum_by_frame(after, match.num_frames).tolist(),
             "num_pairs": run.database.num_pairs,
             "num_estimated_pairs": run.database.num_estimated_pairs,

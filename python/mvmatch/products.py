@@ -119,7 +119,7 @@ def read_match(folder: Path, facts: Facts, *, tracks: str) -> Match:
         tracks=own,
         further=further,
         info=info,
-        frames=tuple(frames_of_columns(facts["frames"])),
+        frames=frames_of_columns(facts["frames"]),
         structure=ReferenceStructure.from_arrays(arrays),
         footage=Footage(**footage, overlays=overlays),
         damage=None if damage is None else _error(damage),

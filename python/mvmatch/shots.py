@@ -103,7 +103,8 @@ class CutFinder:
             share = np.maximum(share - covered, 0.0) / np.maximum(1.0 - covered, 1e-6)
         found: list[int] = []
         for index, boundary in enumerate(known.tolist()):
-            near = np.delete(share, index)[max(0, index - _NEAR) : index + _NEAR]
+            before, after = share[max(0, index - _NEAR) : index], share[index + 1 :][:_NEAR]
+            near = np.concatenate([before, after])
             if len(near) and share[index] < least * np.median(near):
                 found.append(boundary)
         return tuple(found)

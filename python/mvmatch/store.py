@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mvmatch.batches import columns
 from mvmatch.errors import DataError, cannot_write
 from mvmatch.sources.frames import FrameFacts, FrameLog
 from mvmatch.types import MotionField, Tracks, VideoInfo
@@ -43,6 +44,7 @@ _CONVENTIONS = (
     "xy_in_reference = xy_in_current + mv"
 )
 _ROWS_PER_GROUP = 1 << 20
+_ROWS_AT_ONCE = 1 << 17
 _MOTION_ROWS_PER_GROUP = 1 << 17
 _HEADER = ("frame", "decode_index", "pts", "width", "height", "is_key", "is_shown", "rows")
 """What is kept of each field beside its rows, as numbers; the time is NaN where there is none."""
@@ -213,17 +215,30 @@ def read_tracks(path: Path) -> TracksTable:
         It is not a track table of this version.
     """
     file, extra = _open("tracks", path)
-    with file:
-        arrow = file.read()
-    track = arrow["track"].to_numpy()
-    num_tracks = int(track[-1]) + 1 if len(track) else 0
-    offsets = np.searchsorted(track, np.arange(num_tracks + 1)).astype(np.int64)
-    xy = np.stack([arrow["x"].to_numpy(), arrow["y"].to_numpy()], axis=1)
+    num_tracks = num_rows = 0
+    with file, columns(np.int64, np.int32, np.float32) as (offsets, frames, points):
+        for batch in _batches(file):
+            track, frame, x, y = (batch[name].to_numpy() for name in ("track", "frame", "x", "y"))
+            # A track may have begun in the batch before.
+            begun = np.arange(num_tracks, int(track[-1]) + 1)
+            offsets.add(np.searchsorted(track, begun) + num_rows)
+            frames.add(frame)
+            points.add(np.stack([x, y], axis=1))
+            num_tracks, num_rows = num_tracks + len(begun), num_rows + len(track)
+        offsets.add(np.array([num_rows]))
+        tracks = Tracks(
+            offsets=offsets.array(), frame=frames.array(), xy=points.array().reshape(-1, 2)
+        )
     return TracksTable(
-        tracks=Tracks(offsets=offsets, frame=arrow["frame"].to_numpy().copy(), xy=xy),
-        info=VideoInfo(**extra["info"]),
-        image_names=tuple(extra["image_names"]),
+        tracks=tracks, info=VideoInfo(**extra["info"]), image_names=tuple(extra["image_names"])
     )
+
+
+def _batches(file: Any) -> Iterator[Any]:
+    """Yield the rows of a table, some at a time."""
+    for group in range(file.num_row_groups):
+        # Asked for all groups at once, the reader keeps what it has read of the file.
+        yield from file.iter_batches(_ROWS_AT_ONCE, row_groups=[group])
 
 
 def columns_of_frames(frames: Sequence[FrameFacts]) -> dict[str, list[Any]]:

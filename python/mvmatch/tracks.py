@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from mvmatch.batches import TrackBatches
+from mvmatch.batches import track_batches
 from mvmatch.confidence import default_error_model
 from mvmatch.filters import within_budget
 from mvmatch.types import Tracks
@@ -210,20 +210,20 @@ def chain_fields(
         fill=options.fill,
         window=options.window,
     )
-    batches = TrackBatches(), TrackBatches()
     decoded, size = -1, (1, 1)
-    for field in fields:
-        if field.decode_index <= decoded:
-            message = f"fields must be in decode order: {field.decode_index} follows {decoded}"
-            raise ValueError(message)
-        decoded = field.decode_index
-        size = max(size[0], field.width), max(size[1], field.height)
-        linker.push(field)
-        for batch, arrays in zip(batches, linker.take(), strict=True):
-            batch.add(*arrays)
-    for batch, arrays in zip(batches, linker.finish(), strict=True):
-        batch.add(*arrays)
-    tracks, further = (batch.tracks() for batch in batches)
+    with track_batches() as own, track_batches() as others:
+        for field in fields:
+            if field.decode_index <= decoded:
+                message = f"fields must be in decode order: {field.decode_index} follows {decoded}"
+                raise ValueError(message)
+            decoded = field.decode_index
+            size = max(size[0], field.width), max(size[1], field.height)
+            linker.push(field)
+            for batches, arrays in zip((own, others), linker.take(), strict=True):
+                batches.add(*arrays)
+        for batches, arrays in zip((own, others), linker.finish(), strict=True):
+            batches.add(*arrays)
+        tracks, further = own.tracks(), others.tracks()
     if options.max_keypoints_per_image is None:
         return tracks, further
     kept = within_budget(tracks, max_keypoints=options.max_keypoints_per_image, size=size)

@@ -141,10 +141,6 @@ class TwoViewScore:
     """Median squared Sampson error of the inliers in normalised camera units (the paper's)."""
 
 
-_BLOCK = 1 << 14
-"""Observations of which the first and the last frame are known, to find those of a frame."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracks:
     """Points followed through several frames, in compressed sparse rows.
@@ -152,6 +148,9 @@ class Tracks:
     Observations of track ``t`` are ``offsets[t]:offsets[t + 1]``. Every observation is a keypoint
     of its frame; keypoints of a frame are numbered in the order of the observations, so the numbers
     stay the same for every pair of frames.
+
+    Arrays of long videos lie in a temporary file and are read-only; :meth:`parts` and
+    :meth:`during` go through them without holding them.
 
     Raises
     ------
@@ -176,7 +175,8 @@ class Tracks:
     """(O, 2) position of each observation in px."""
 
     def __post_init__(self) -> None:
-        import numpy as np
+
+        from mvmatch.rows import falls, rises_in_tracks
 
         starts, count = self.offsets, len(self.frame)
         if starts.ndim != 1 or len(starts) == 0 or starts[0] != 0 or starts[-1] != count:
@@ -187,12 +187,10 @@ class Tracks:
                 f"frame and xy must be (O,) and (O, 2), not {self.frame.shape}, {self.xy.shape}"
             )
             raise ValueError(message)
-        if np.any(np.diff(starts) < 0):
+        if falls(starts):
             message = "offsets must not fall"
             raise ValueError(message)
-        rises = self.frame[1:] > self.frame[:-1]
-        rises[starts[(starts > 0) & (starts < count)] - 1] = True
-        if self.frame.min(initial=0) < 0 or not rises.all():
+        if self.frame.min(initial=0) < 0 or not rises_in_tracks(starts, self.frame):
             message = "frames must be display indices that strictly increase in each track"
             raise ValueError(message)
 
@@ -212,14 +210,12 @@ class Tracks:
     @classmethod
     def concatenate(cls, *parts: Tracks) -> Tracks:
         """Tracks of all parts, in their order; the first part's keypoints keep their numbers."""
-        import numpy as np
+        from mvmatch.batches import joined
 
-        ends = np.concatenate([part.lengths for part in parts]).cumsum()
-        return cls(
-            offsets=np.concatenate(([0], ends)).astype(np.int64),
-            frame=np.concatenate([part.frame for part in parts]),
-            xy=np.concatenate([part.xy for part in parts]),
-        )
+        filled = [part for part in parts if len(part)]
+        if len(filled) == 1:
+            return filled[0]
+        return joined(piece for part in filled for piece in part.parts())
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -238,31 +234,21 @@ class Tracks:
             yield Tracks(offsets=offsets, frame=self.frame[rows], xy=self.xy[rows])
             first = end
 
-    @cached_property
-    def _blocks(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """(B,) smallest and largest frame of every :data:`_BLOCK` observations."""
-        import numpy as np
-
-        starts = np.arange(0, self.num_observations, _BLOCK)
-        if len(starts) == 0:
-            return self.frame, self.frame
-        return np.minimum.reduceat(self.frame, starts), np.maximum.reduceat(self.frame, starts)
-
     def during(self, start: int, end: int) -> Tracks:
         """Return what is observed in frames ``start`` to ``end - 1``; keypoints keep their numbers.
 
         Tracks that are not observed there are left out, so they are numbered anew.
         """
-        import numpy as np
+        from mvmatch.rows import during
 
-        from mvmatch.pairing import observed
+        return during(self, start, end)[1]
 
-        first, last = self._blocks
-        found = [np.empty(0, np.int64)]
-        for block in np.flatnonzero((first < end) & (last >= start)) * _BLOCK:
-            frame = self.frame[block : block + _BLOCK]
-            found.append(np.flatnonzero((frame >= start) & (frame < end)) + block)
-        return observed(self, np.concatenate(found))
+    @cached_property
+    def block_frames(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """(B,) smallest and largest frame of every :data:`mvmatch.rows.BLOCK` observations."""
+        from mvmatch.rows import block_frames
+
+        return block_frames(self.frame)
 
     def reach(self, max_gap: int | None = None) -> int:
         """Largest distance in frames between two observations of a track, up to ``max_gap``."""
@@ -295,9 +281,10 @@ class Tracks:
         import numpy as np
 
         from mvmatch.pairing import compact
+        from mvmatch.rows import count_keypoints
 
         order = np.argsort(compact(self.frame, self.num_frames), kind="stable")
-        counts = np.bincount(self.frame, minlength=self.num_frames)
+        counts = count_keypoints(self, self.num_frames)
         return order, np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
 
     @cached_property
@@ -375,11 +362,7 @@ class Tracks:
 
     def select(self, keep: NDArray[np.bool_]) -> Tracks:
         """Tracks where the (T,) mask holds; keypoints are numbered anew."""
-        import numpy as np
+        from mvmatch.batches import joined
+        from mvmatch.rows import selected
 
-        observed = np.repeat(keep, self.lengths)
-        return Tracks(
-            offsets=np.concatenate(([0], np.cumsum(self.lengths[keep]))).astype(np.int64),
-            frame=self.frame[observed],
-            xy=self.xy[observed],
-        )
+        return joined(selected(self, keep))

@@ -7,8 +7,8 @@ from mvmatch.errors import BitstreamError
 from mvmatch.export.colmap import write_database
 from mvmatch.footage import Footage
 from mvmatch.overlays import Overlays
+from mvmatch.rows import count_entering
 from mvmatch.sfm import Diagnosis, MapperOptions, diagnose, reconstruct
-from mvmatch.sfm.breaks import bridging_tracks
 from mvmatch.types import Tracks
 
 pycolmap = pytest.importorskip("pycolmap")
@@ -205,7 +205,7 @@ def test_no_tracks_at_all_are_few_tracks(tmp_path):
 
 def test_tracks_are_counted_where_they_lead_on():
     tracks = Tracks.from_lists([(0, 1, 1), (3, 1, 1)], [(1, 2, 2), (2, 2, 2)])
-    assert bridging_tracks(tracks, 5).tolist() == [0, 1, 2, 1, 0]
+    assert count_entering(tracks, 5).tolist() == [0, 1, 2, 1, 0]
 
 
 def _any_share():

@@ -105,6 +105,15 @@ def test_tracks_too_short_for_every_pair_are_not_judged():
     assert len(track_weights(Tracks.from_lists(), camera())) == 0
 
 
+@pytest.mark.parametrize("pairs", [1, 2, 3])
+def test_weights_do_not_depend_on_how_many_pairs_are_sought_at_once(pairs, monkeypatch):
+    tracks = tracked(world(), **MOVING_CAMERA, motion=(0.0, 0.1, 0.0))
+    expected = track_weights(tracks, camera())
+    monkeypatch.setattr("mvmatch.geometry.movers._PAIRS", pairs)
+    np.testing.assert_array_equal(track_weights(tracks, camera()), expected)
+    assert 0 < np.count_nonzero(expected < 0.5) < len(expected)
+
+
 def test_the_half_line_begins_at_infinity_and_leads_to_the_epipole():
     # The camera moves along x: points at rest move to the left, by nothing at infinity.
     pose = np.column_stack([np.eye(3), [-1.0, 0.0, 0.0]])

@@ -95,6 +95,21 @@ def test_tracks_come_back_with_their_video_and_image_names(tmp_path: Path) -> No
         assert getattr(found.tracks, name).dtype == getattr(tracks, name).dtype
 
 
+def test_tracks_are_read_whole_however_many_rows_are_read_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lengths = [4, 1, 3, 2, 6]
+    tracks = Tracks.from_lists(*([(i, i, 7.0 * n) for i in range(n)] for n in lengths))
+    path = tmp_path / "tracks.parquet"
+    names = tuple("abcdef")
+    write_tracks(TracksTable(tracks=tracks, info=INFO, image_names=names), path, options={})
+    for rows in (1, 2, 3, 5, 16):
+        monkeypatch.setattr("mvmatch.store._ROWS_AT_ONCE", rows)
+        found = read_tracks(path).tracks
+        for name in ("offsets", "frame", "xy"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(tracks, name))
+
+
 def test_no_tracks_are_a_table_too(tmp_path: Path) -> None:
     path = tmp_path / "tracks.parquet"
     table = TracksTable(tracks=Tracks.from_lists(), info=INFO, image_names=())

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
+
 import numpy as np
 import pytest
 
-from mvmatch.batches import TrackBatches
+from mvmatch import batches
+from mvmatch.errors import DataError
+from mvmatch.rows import count_entering, count_keypoints, during
 from mvmatch.types import Tracks
 
 THREE = Tracks.from_lists(
@@ -98,7 +103,7 @@ def test_pairs_are_the_same_however_many_frames_are_sorted_together(monkeypatch)
 
 
 def test_keypoints_keep_their_numbers_in_a_stretch_of_frames(monkeypatch):
-    monkeypatch.setattr("mvmatch.types._BLOCK", 16)
+    monkeypatch.setattr("mvmatch.rows.BLOCK", 16)
     tracks = scattered()
     near = tracks.during(10, 20)
     assert near.num_observations == np.count_nonzero((tracks.frame >= 10) & (tracks.frame < 20))
@@ -116,14 +121,91 @@ def test_keypoints_keep_their_numbers_in_a_stretch_of_frames(monkeypatch):
 @pytest.mark.parametrize("size", [1, 5, 100, 10_000])
 def test_parts_put_together_are_the_tracks(size):
     tracks = scattered()
-    batches = TrackBatches()
-    for part in tracks.parts(size):
-        assert len(part) == 1 or part.num_observations <= size
-        batches.add(part.offsets, part.frame, part.xy)
-    again = batches.tracks()
-    np.testing.assert_array_equal(again.offsets, tracks.offsets)
-    np.testing.assert_array_equal(again.frame, tracks.frame)
-    np.testing.assert_array_equal(again.xy, tracks.xy)
+    assert all(len(p) == 1 or p.num_observations <= size for p in tracks.parts(size))
+    assert_same(batches.joined(tracks.parts(size)), tracks)
+
+
+def assert_same(found: Tracks, expected: Tracks) -> None:
+    for name in ("offsets", "frame", "xy"):
+        array = getattr(found, name)
+        np.testing.assert_array_equal(array, getattr(expected, name))
+        assert array.dtype == getattr(expected, name).dtype
+
+
+def is_in_file(array: np.ndarray) -> bool:
+    while isinstance(array, np.ndarray):
+        if isinstance(array, np.memmap):
+            return True
+        array = array.base
+    return False
+
+
+def test_long_tracks_lie_in_a_file_that_has_no_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    tracks = scattered()
+    assert not is_in_file(batches.joined(tracks.parts(50)).xy)
+    monkeypatch.setattr(batches, "IN_MEMORY", 100)
+    found = batches.joined(tracks.parts(50))
+    assert all(is_in_file(array) for array in (found.offsets, found.frame, found.xy))
+    assert list(tmp_path.iterdir()) == []
+    assert_same(found, tracks)
+    assert [p[:2] for p in found.pairs(3)] == [p[:2] for p in tracks.pairs(3)]
+    for kept in (tracks.lengths > 6, tracks.lengths > 99):
+        assert_same(found.select(kept), tracks.select(kept))
+    assert_same(
+        Tracks.concatenate(found, found.select(tracks.lengths > 6)),
+        Tracks.concatenate(tracks, tracks.select(tracks.lengths > 6)),
+    )
+
+
+def test_a_full_disk_is_named(monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr("tempfile.SpooledTemporaryFile.write", full)
+    with pytest.raises(DataError, match=f"in {tmp_path}.*No space.*TMPDIR"):
+        batches.joined(scattered().parts())
+
+
+@pytest.mark.parametrize("block", [1, 2, 3, 7, 1000])
+def test_frames_that_fall_are_found_wherever_they_are(block, monkeypatch):
+    monkeypatch.setattr("mvmatch.rows.BLOCK", block)
+    tracks = scattered(num_tracks=6)
+    starts = set(tracks.offsets.tolist())
+    for row in range(1, tracks.num_observations):
+        frame = tracks.frame.copy()
+        frame[row] = frame[row - 1]
+        after = frame[row + 1 : row + 2] <= frame[row]
+        broken = row not in starts or (row + 1 not in starts and after.any())
+        if not broken:
+            Tracks(offsets=tracks.offsets, frame=frame, xy=tracks.xy)
+            continue
+        with pytest.raises(ValueError, match="increase"):
+            Tracks(offsets=tracks.offsets, frame=frame, xy=tracks.xy)
+
+
+def test_tracks_seen_for_a_while_know_their_numbers():
+    tracks = scattered()
+    numbers, near = during(tracks, 10, 20)
+    expected = [t for t in range(len(tracks)) if np.any(inside(tracks, t))]
+    assert numbers.tolist() == expected
+    assert 0 < len(expected) < len(tracks)
+    for number, length in zip(expected, near.lengths.tolist(), strict=True):
+        assert length == np.count_nonzero(inside(tracks, number))
+
+
+def inside(tracks: Tracks, track: int) -> np.ndarray:
+    frame = tracks.frame[tracks.offsets[track] : tracks.offsets[track + 1]]
+    return (frame >= 10) & (frame < 20)
+
+
+def test_keypoints_and_entering_tracks_are_counted():
+    assert count_keypoints(THREE, 5).tolist() == [2, 3, 1, 1, 0]
+    assert count_entering(THREE, 5).tolist() == [0, 2, 2, 1, 0]
+    assert count_entering(Tracks.from_lists(), 2).tolist() == [0, 0]
 
 
 def test_the_reach_is_the_largest_distance_of_a_pair():

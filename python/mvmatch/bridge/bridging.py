@@ -15,6 +15,7 @@ import numpy as np
 
 from mvmatch.bridge.descriptors import DescriptorMatcher
 from mvmatch.bridge.links import Links
+from mvmatch.rows import count_entering
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def find_gaps(
     tuple of int
         Display indices, rising; the last picture has none after it and is no gap.
     """
-    few = np.flatnonzero(_crossings(tracks, num_frames) < min_tracks).tolist()
+    few = np.flatnonzero(count_entering(tracks, num_frames)[1:] < min_tracks).tolist()
     return tuple(sorted({*few, *(jump - 1 for jump in jumps if 0 < jump < num_frames)}))
 
 
@@ -110,7 +111,7 @@ def bridge_tracks(
     matcher, links = DescriptorMatcher(options, camera), Links()
 
     def still_open() -> tuple[int, ...]:
-        crossing = _crossings(links.tracks(), num_frames)
+        crossing = count_entering(links.tracks(), num_frames)[1:]
         return tuple(gap for gap in gaps if crossing[gap] < options.min_inliers)
 
     left = gaps
@@ -161,11 +162,3 @@ def _stretches(gaps: Sequence[int], reach: int, window: int) -> list[range]:
             first = stretches.pop().start
         stretches.append(range(first, stop))
     return stretches
-
-
-def _crossings(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
-    """(F - 1,) tracks with observations on both sides of the step from each picture to the next."""
-    change = np.zeros(num_frames + 1, np.int64)
-    np.add.at(change, tracks.frame[tracks.offsets[:-1]], 1)
-    np.add.at(change, tracks.frame[tracks.offsets[1:] - 1], -1)
-    return np.cumsum(change)[: max(0, num_frames - 1)]

@@ -18,8 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch.geometry.two_view import PairGeometry, RansacOptions, fit_pair
+from mvmatch.rows import during
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pycolmap
     from numpy.typing import NDArray
 
@@ -29,6 +32,9 @@ if TYPE_CHECKING:
 
 _MAD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
+
+_PAIRS = 32
+"""Frame pairs whose tracks are sought at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +100,7 @@ def track_weights(
     tested = np.zeros(len(tracks), np.int64)
     moved = np.zeros(len(tracks), np.int64)
     for gap in options.gaps:
-        # Pairs of a long gap overlap: every second or third of them tests the same tracks.
-        for frame in range(0, tracks.num_frames - gap, max(1, gap // 2)):
-            track, xy0, xy1 = _matched(tracks, frame, frame + gap)
+        for frame, track, xy0, xy1 in _matches(tracks, gap):
             pair = _Pair(xy0=xy0, xy1=xy1, even=_even(xy0, options), camera=camera)
             distance = _distance_from_rest(pair, (frame, frame + gap), options)
             if distance is None:
@@ -224,6 +228,18 @@ def _support(xy: _Floats, moves: NDArray[np.bool_], options: MoverOptions) -> _F
     return moving.sum(axis=1) / (count.sum(axis=1) + 2.0)
 
 
+def _matches(tracks: Tracks, gap: int) -> Iterator[tuple[int, NDArray[np.int64], _Floats, _Floats]]:
+    """Yield the first frame of each pair, and its matches as :func:`_matched` does."""
+    # Pairs of a long gap overlap: every second or third of them tests the same tracks.
+    frames = range(0, tracks.num_frames - gap, max(1, gap // 2))
+    for at in range(0, len(frames), _PAIRS):
+        some = frames[at : at + _PAIRS]
+        numbers, near = during(tracks, some[0], some[-1] + gap + 1)
+        for frame in some:
+            track, xy0, xy1 = _matched(near, frame, frame + gap)
+            yield frame, numbers[track], xy0, xy1
+
+
 def _matched(
     tracks: Tracks, frame0: int, frame1: int
 ) -> tuple[NDArray[np.int64], _Floats, _Floats]:
@@ -235,8 +251,8 @@ def _matched(
         assume_unique=True,
         return_indices=True,
     )
-    xy = tracks.xy.astype(np.float64)
-    return track, xy[first[in_first]], xy[second[in_second]]
+    xy0, xy1 = tracks.xy[first[in_first]], tracks.xy[second[in_second]]
+    return track, xy0.astype(np.float64), xy1.astype(np.float64)
 
 
 def _normalized(camera: pycolmap.Camera, xy: _Floats) -> _Floats:

@@ -43,15 +43,6 @@ MIN_FLAT_MOTION = 16.0
 """px; matches that move less fit a homography whatever the scene: its bound is 4 px."""
 
 
-def bridging_tracks(tracks: Tracks, num_frames: int) -> NDArray[np.int64]:
-    """(F,) number of tracks seen both before each picture and in it or later; 0 for the first."""
-    change = np.zeros(num_frames + 1, np.int64)
-    if len(tracks):
-        np.add.at(change, tracks.frame[tracks.offsets[:-1]] + 1, 1)
-        np.add.at(change, tracks.frame[tracks.offsets[1:] - 1] + 1, -1)
-    return np.cumsum(change)[:num_frames]
-
-
 def parts_at_rest(tracks: Tracks, num_frames: int) -> list[Part]:
     """Find parts in which the tracks, px, stay where they are."""
     step = np.full(num_frames, np.inf)

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.rows import count_entering, count_keypoints
 from mvmatch.sfm.adjust import fit_focal_length, focal_change
 from mvmatch.sfm.breaks import (
     MIN_PART,
-    bridging_tracks,
     is_plane,
     is_turn,
     named_frames,
@@ -146,7 +146,7 @@ def _broken(
     is_damaged: bool,  # noqa: FBT001
 ) -> list[Finding]:
     """Find where too few tracks lead on, and say why if that is known."""
-    bridge = bridging_tracks(tracks, num_frames)
+    bridge = count_entering(tracks, num_frames)
     found: list[Finding] = []
     if footage.cuts:
         shots = ", ".join(str(cut) for cut in footage.cuts)
@@ -202,7 +202,7 @@ def _lost(first: int, last: int) -> Finding:
 
 def _thin(tracks: Tracks, known: NDArray[np.bool_]) -> list[Finding]:
     """Find pictures with few points of the tracks that lead past them."""
-    points = np.bincount(tracks.frame, minlength=len(known))
+    points = count_keypoints(tracks, len(known))
     pictures = np.flatnonzero((points < MIN_BRIDGE) & ~known).tolist()
     if not pictures:
         return []
