@@ -205,12 +205,12 @@ def test_a_loop_is_mapped_by_key_frames_and_ties_its_ends_together(tmp_path):
     path = write(tracks, tmp_path / "database.db", 80, loops=loops, verification=trust)
     # So few keypoints that nothing but loops would be left of the others.
     options = KeyframeOptions(max_keypoints=20, max_observations=20)
-    selection = select_keyframes(path, options)
+    selection = select_keyframes(path, options, mapped=tmp_path / "keys.db")
     assert selection is not None
     assert {frame for pair in loops for frame in pair} <= set(selection.frames.tolist())
-    within = selection.images.tracks.select(selection.within_model())
+    images = selection.read_images()
+    within = images.tracks.select(selection.within_model(images.tracks))
     assert len(within.between(0, 79)) == len(tracks.between(0, 79)) >= 30
-    selection.write_database(path, tmp_path / "keys.db")
     with pycolmap.Database.open(tmp_path / "keys.db") as database:
         for first, second in loops:
             geometry = database.read_two_view_geometry(first + 1, second + 1)
