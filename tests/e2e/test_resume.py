@@ -193,8 +193,8 @@ def test_tracks_that_close_loops_are_kept_beside_those_of_vectors(clip: Path, co
     assert names_made(first) == ["loops", *AFTER_MATCH]
     assert first.match.loops
     assert first.data["loops"] == [list(pair) for pair in first.match.loops]
-    adjacency = first.data["adjacency_after"]
-    assert all(adjacency[i][j] == adjacency[j][i] > 0 for i, j in first.match.loops)
+    matches = {(i, j): count for i, j, count in first.data["adjacency_after"]}
+    assert all(matches[pair] > 0 for pair in first.match.loops)
     again = full_run(clip, copied, options=looking)
     assert names_made(again) == []
     assert facts(again) == facts(first)
@@ -256,7 +256,7 @@ def test_a_stage_is_added_by_an_entry_in_the_list(
         return {"scale": 2.0}
 
     def load(state: Any, folder: Path, facts: dict[str, Any]) -> None:
-        state.model = products.with_model(state.model, folder / outputs.MODEL / "0")
+        state.model = products.with_models(state.model, folder / outputs.MODEL)
 
     added = Stage(
         name="scale",
