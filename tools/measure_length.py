@@ -16,6 +16,7 @@ clip with motion: link a folder's pictures forwards and backwards again and agai
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import resource
 import subprocess
@@ -40,6 +41,9 @@ def first_frames(clip: Path, count: int, out: Path) -> None:
 
 def measure(clip: Path, camera: str) -> dict[str, float]:
     """Return length, CPU seconds and peak resident memory of one run in this process."""
+    for needed_later in ("pyarrow.parquet", "pycolmap"):
+        importlib.import_module(needed_later)
+
     from mvmatch.camera import parse_camera
     from mvmatch.export.colmap import write_database
     from mvmatch.matching import match_video
