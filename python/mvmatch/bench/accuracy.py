@@ -50,7 +50,7 @@ COLUMNS = {
     "verified_within_3px": "as within_3px, of the inliers",
     "inlier_ratio": "inliers of the two-view geometry (reported, decides nothing)",
     "sampson_px": "median Sampson distance of the inliers (reported, decides nothing)",
-    "rotation_deg": "error of the relative rotation",
+    "rotation_deg": "error of the relative rotation; none where the true poses are not known",
     "translation_deg": "error of the direction of translation; none without a baseline",
     "pose_deg": "the larger of the two; infinite without an estimate",
 }
@@ -95,8 +95,10 @@ def judge(matches: Matches, sequence: Sequence, options: AccuracyOptions) -> lis
     """
     pairs = [(frame, frame + gap) for gap in options.gaps for frame in range(len(sequence) - gap)]
     baselines = [float(np.linalg.norm(sequence.centers[j] - sequence.centers[i])) for i, j in pairs]
-    rounding = 1e-9 * (1.0 + float(np.abs(sequence.centers).max()))
-    shortest = max(rounding, options.min_baseline * max(baselines, default=0.0))
+    known = sequence.centers[sequence.posed]
+    rounding = 1e-9 * (1.0 + float(np.abs(known).max(initial=0.0)))
+    longest = float(np.fmax.reduce(baselines, initial=0.0))  # fmax passes over NaN
+    shortest = max(rounding, options.min_baseline * longest)
     return [
         row for pair in pairs for row in _judge_pair(matches, sequence, pair, shortest, options)
     ]
@@ -212,7 +214,8 @@ def _judge_pose(
         *points, sequence.camera, sequence.camera,
         options=options.ransac, max_sample=options.max_sample,
     )  # fmt: skip
-    rotation = translation = math.inf
+    # A failure only where there is something to fail at.
+    rotation = translation = math.inf if np.isfinite(pose).all() else math.nan
     if fit.cam1_from_cam0 is not None:
         estimate = np.asarray(fit.cam1_from_cam0.matrix(), np.float64)
         rotation, translation = relative_pose_error(estimate, pose, min_baseline=min_baseline)

@@ -180,6 +180,7 @@ def pan(base: Sequence) -> Sequence:
     camera = pycolmap.Camera(
         model="PINHOLE", width=size[0], height=size[1], params=inner[[0, 1, 0, 1], [0, 1, 2, 2]]
     )
+    camera.has_prior_focal_length = base.camera.has_prior_focal_length
     poses = np.concatenate([rotations, np.zeros((len(base), 3, 1))], axis=2)
     return _composed(base, "pan", how, camera=camera, poses=poses, truth=StillTruth(base.size))
 

@@ -6,6 +6,9 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mvmatch.bench.datasets import layout_of
+from mvmatch.encode.frames import IMAGE_SUFFIXES
+
 if TYPE_CHECKING:
     from collections.abc import Sequence as Many
 
@@ -25,11 +28,12 @@ def code_digest(modules: Many[str]) -> str:
 
 
 def folder_digest(folder: Path) -> str:
-    """Digest of a sequence: its files, and the names and sizes of its images."""
+    """Digest of a sequence: its files, and the names and sizes of its images, or of its video."""
     digest = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        if path.is_file():
+    layout = layout_of(folder)
+    for path in layout.files(folder) if layout is not None else ():
+        if path == folder or path.suffix.lower() in IMAGE_SUFFIXES:
+            digest.update(f"{path.name} {path.stat().st_size}\n".encode())
+        else:
             digest.update(path.read_bytes())
-    for path in sorted((folder / "images").iterdir()):
-        digest.update(f"{path.name} {path.stat().st_size}\n".encode())
     return digest.hexdigest()

@@ -94,11 +94,21 @@ def count_points(model: pycolmap.Reconstruction | None) -> dict[str, int]:
 
 
 def pose_errors(model: pycolmap.Reconstruction | None, sequence: Sequence) -> dict[str, float]:
-    """Return ``ate``, ``ate_percent``, ``rpe`` and ``rpe_deg``; infinite without a model."""
+    """Return ``ate``, ``ate_percent``, ``rpe`` and ``rpe_deg``.
+
+    Over the frames whose true pose is known. NaN where these are fewer than three; otherwise
+    infinite without a model, or with one that has fewer than three of them.
+    """
+    if sequence.posed.sum() < 3:
+        return dict.fromkeys(_ERRORS, math.nan)
     failed: dict[str, float] = dict.fromkeys(_ERRORS, math.inf)
     if model is None or model.num_reg_images() < 3:
         return failed
     frames, poses = _poses(model)
+    known = sequence.posed[frames]
+    frames, poses = frames[known], poses[known]
+    if len(frames) < 3:
+        return failed
     R = sequence.cam_from_world[frames, :, :3].transpose(0, 2, 1)
     truth = np.concatenate([R, sequence.centers[frames][:, :, None]], axis=2)
     ate = trajectory_error(poses[:, :, 3], truth[:, :, 3])

@@ -40,7 +40,7 @@ CELLS, SCRATCH = "cells", "scratch"
 """Folders of a run: results, and streams and databases that can be made anew."""
 
 _JUDGES = (
-    "bench/accuracy.py", "bench/compose.py", "bench/datasets.py", "bench/front_ends.py",
+    "bench/accuracy.py", "bench/compose.py", "bench/datasets", "bench/front_ends.py",
     "bench/matches.py", "bench/truth.py", "camera", "geometry", "pairing.py", "types.py",
 )  # fmt: skip
 _MAPPERS = ("bench/mapping.py", "export", "sfm")
@@ -223,7 +223,7 @@ def prepare_clip(sequence: Sequence, folder: Path, out: Path, max_frames: int | 
         What the sequence was cut to.
     """
     frames = "all" if max_frames is None else str(max_frames)
-    code = code_digest(("bench/compose.py", "bench/datasets.py", "encode"))[:8]
+    code = code_digest(("bench/compose.py", "bench/datasets", "encode"))[:8]
     made_of = f"{folder_digest(folder)[:8]}-{code}"
     scratch = out / SCRATCH / f"{sequence.name}-{frames}-{made_of}"
     images = scratch / "images"

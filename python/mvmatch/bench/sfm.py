@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 Intrinsics = Literal["known", "unknown"]
 
-_PREPARATION = ("bench/compose.py", "bench/datasets.py", "encode")
+_PREPARATION = ("bench/compose.py", "bench/datasets", "encode")
 _JUDGES = (
     "bench/cloud.py", "bench/mapping.py", "bench/matches.py", "bench/sfm.py", "bench/sfm_judge.py",
     "bench/truth.py", "geometry",

@@ -36,8 +36,9 @@ def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
     dict
         ``points``, ``distinct_points``, ``ate`` ... as of :mod:`mvmatch.bench.mapping`,
         ``observations``, ``track_length``, ``reprojection_px``, ``focal_error_percent`` (NaN
-        without a model), ``ba_cpu_s``: CPU seconds of an iteration of one more bundle adjustment,
-        and ``cloud``: distances of the points to the true surfaces, None where these are not known.
+        without a model or where the true one is not known), ``ba_cpu_s``: CPU seconds of an
+        iteration of one more bundle adjustment, and ``cloud``: distances of the points to the true
+        surfaces, None where these are not known.
     """
     import pycolmap
 
@@ -47,12 +48,13 @@ def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
         unknown = dict.fromkeys(("reprojection_px", "focal_error_percent", "ba_cpu_s"), math.nan)
         return {**figures, **unknown, "observations": 0, "track_length": 0.0, "cloud": None}
     focal = next(iter(model.cameras.values())).mean_focal_length()
+    true = sequence.camera.mean_focal_length() if sequence.focal_known else math.nan
     return {
         **figures,
         "observations": model.compute_num_observations(),
         "track_length": model.compute_mean_track_length(),
         "reprojection_px": model.compute_mean_reprojection_error(),
-        "focal_error_percent": 100 * abs(focal / sequence.camera.mean_focal_length() - 1),
+        "focal_error_percent": 100 * abs(focal / true - 1),
         "cloud": _cloud(model, sequence),
         "ba_cpu_s": _adjustment_seconds(model),  # last: it changes the model
     }

@@ -58,7 +58,7 @@ def summarise(results: Many[dict[str, Any]]) -> list[Summary]:
     Over the pairs of a gap, shares and counts are averaged, medians and angles of single pairs give
     their median, and pose errors the area under their recall curve. Pairs without a correspondence
     have no share and drop out of the average of shares; they count in coverage (as 0) and in the
-    AUC (as failures).
+    AUC (as failures). Pairs whose true poses are not known have no pose error.
     """
     return [
         Summary(
@@ -127,7 +127,9 @@ def by_draw(rows: Many[dict[str, Any]]) -> dict[str, NDArray[np.float64]]:
             columns = [[row.get(name, math.nan) for row in group] for group in draws.values()]
             values = np.array(columns, np.float64)
             reduced[name] = _median(values.T) if name in _MEDIANS else _mean(values.T)
-    areas = [pose_auc([row["pose_deg"] for row in group], THRESHOLDS) for group in draws.values()]
+    poses = [[row["pose_deg"] for row in group] for group in draws.values()]
+    known = [[error for error in errors if not math.isnan(error)] for errors in poses]
+    areas = [pose_auc(errors, THRESHOLDS) for errors in known]
     return reduced | dict(zip(AUC, np.array(areas).T, strict=True))
 
 
