@@ -84,6 +84,10 @@ def test_sequences_of_kitti_whose_poses_are_not_public_have_none(kitti):
         ),
         (lambda folder: (folder / "calib.txt").unlink(), "unpack data_odometry_calib"),
         (lambda folder: (folder / "calib.txt").write_text("P0: 1 2 3\n"), "no projection P0"),
+        (
+            lambda folder: (folder / "calib.txt").write_text("P0: 0 0 1 0 0 1 1 0 0 0 1 0\n"),
+            "P0: is no projection",
+        ),
         (lambda folder: (folder / "calib.txt").write_bytes(b"\xff\xfe"), "cannot be read"),
         (lambda folder: (folder / "image_0").rename(folder / "image_3"), "neither image_0"),
         (lambda folder: (folder / "image_0" / "000002.png").unlink(), "for 2 images; 12 each"),

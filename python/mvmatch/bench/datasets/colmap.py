@@ -83,7 +83,8 @@ def _longest_run(
         camera = model.camera(image.camera_id)
         return camera.model_name, camera.width, camera.height
 
-    return max((list(run) for _, run in groupby(images, kind)), key=len, default=[])
+    runs = [list(run) for _, run in groupby(images, kind)]
+    return max(runs, key=len) if runs else []
 
 
 def _model(folder: Path) -> Path:

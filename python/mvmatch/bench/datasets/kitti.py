@@ -76,11 +76,10 @@ def _projection(path: Path, number: int) -> NDArray[np.float64]:
     row = next((line.removeprefix(name) for line in lines if line.startswith(name)), "")
     try:
         P = np.array(row.split(), np.float64).reshape(3, 4)
-        usable = bool(np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0 and P[2, 2] == 1)
-    except ValueError:
-        usable = False
-    if not usable:
-        raise DataError(f"{path} has no projection {name} of 12 numbers. Unpack it anew")
+    except ValueError as error:
+        raise DataError(f"{path} has no projection {name} of 12 numbers. Unpack it anew") from error
+    if not (np.isfinite(P).all() and P[0, 0] > 0 and P[1, 1] > 0 and P[2, 2] == 1):
+        raise DataError(f"{path}: {name} is no projection in px. Unpack it anew")
     return P
 
 

@@ -99,7 +99,7 @@ class Sequence:
     @property
     def posed(self) -> NDArray[np.bool_]:
         """(F,) frames whose pose is known."""
-        return np.isfinite(self.cam_from_world).all(axis=(1, 2))
+        return np.asarray(np.isfinite(self.cam_from_world).all(axis=(1, 2)))
 
     @property
     def centers(self) -> NDArray[np.float64]:
