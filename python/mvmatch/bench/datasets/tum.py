@@ -22,7 +22,7 @@ from mvmatch.bench.datasets.layout import (
     unknown_poses,
 )
 from mvmatch.camera.calibration import HALF_PIXEL, opencv_model
-from mvmatch.errors import DataError
+from mvmatch.errors import DataError, MissingExtraError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -80,8 +80,10 @@ def _pictures(folder: Path) -> tuple[NDArray[np.float64], list[Path]]:
 
 def _poses_at(times: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     """(F, 3, 4) ``cam_from_world`` at times in s; NaN where no poses are near."""
-    from scipy.spatial.transform import Rotation, Slerp
-
+    try:
+        from scipy.spatial.transform import Rotation, Slerp
+    except ImportError as error:
+        raise MissingExtraError("TUM RGB-D needs SciPy: pip install 'mvmatch[bench]'") from error
     rows = read_numbers(path, "time tx ty tz qx qy qz qw")
     if rows.shape[1] != 8:
         raise DataError(f"{path} has {rows.shape[1]} numbers on a line: time tx ty tz qx qy qz qw")
