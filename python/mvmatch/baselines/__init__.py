@@ -6,6 +6,15 @@ the image corner.
 
 from mvmatch.baselines.flow import DisOptions, track_dis
 from mvmatch.baselines.klt import KltOptions, track_klt
-from mvmatch.baselines.sift import SiftOptions, match_sift
+from mvmatch.baselines.sift import SiftOptions, extract_sift, match_features, match_sift
 
-__all__ = ["DisOptions", "KltOptions", "SiftOptions", "match_sift", "track_dis", "track_klt"]
+__all__ = [
+    "DisOptions",
+    "KltOptions",
+    "SiftOptions",
+    "extract_sift",
+    "match_features",
+    "match_sift",
+    "track_dis",
+    "track_klt",
+]

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mvmatch.baselines.images import list_images
 from mvmatch.geometry.two_view import RansacOptions, colmap_ransac
@@ -22,6 +22,8 @@ class SiftOptions:
 
     max_num_features: int = 8192
     """Per image (COLMAP's default)."""
+    pairing: Literal["sequential", "exhaustive"] = "sequential"
+    """``exhaustive`` matches every image with every other; ``overlap`` says nothing then."""
     overlap: int = 10
     """Images that each image is matched with (COLMAP's default)."""
     quadratic_overlap: bool = True
@@ -29,6 +31,8 @@ class SiftOptions:
     num_threads: int = 1
     """Of extraction and matching; 1 makes CPU time comparable and the result repeatable, -1 takes
     one per processor."""
+    verify: bool = True
+    """Let COLMAP verify what it matches; without it the database holds matches alone."""
     ransac: RansacOptions = field(default_factory=RansacOptions)
     """Verification, with the settings of every other method."""
 
@@ -61,9 +65,22 @@ def match_sift(
     DataError
         The folder holds fewer than two images.
     """
+    options = options or SiftOptions()
+    extract_sift(folder, database, camera=camera, max_frames=max_frames, options=options)
+    match_features(database, options=options)
+
+
+def extract_sift(
+    folder: Path,
+    database: Path,
+    *,
+    camera: pycolmap.Camera | None,
+    max_frames: int | None = None,
+    options: SiftOptions,
+) -> None:
+    """Do the first half of :func:`match_sift`: features in a new database."""
     import pycolmap
 
-    options = options or SiftOptions()
     names = [path.name for path in list_images(folder, max_frames)]
     database.unlink(missing_ok=True)
     reader = pycolmap.ImageReaderOptions()
@@ -83,14 +100,29 @@ def match_sift(
         extraction_options=extraction,
         device=pycolmap.Device.cpu,
     )
-    pairing = pycolmap.SequentialPairingOptions()
-    pairing.overlap = options.overlap
-    pairing.quadratic_overlap = options.quadratic_overlap
+
+
+def match_features(database: Path, *, options: SiftOptions) -> None:
+    """Do the second half of :func:`match_sift`: match the features of a database."""
+    import pycolmap
+
     matching = pycolmap.FeatureMatchingOptions()
     matching.num_threads = options.num_threads
     matching.use_gpu = False
+    matching.skip_geometric_verification = not options.verify
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac = colmap_ransac(options.ransac)
+    if options.pairing == "exhaustive":
+        pycolmap.match_exhaustive(
+            database,
+            matching_options=matching,
+            verification_options=verification,
+            device=pycolmap.Device.cpu,
+        )
+        return
+    pairing = pycolmap.SequentialPairingOptions()
+    pairing.overlap = options.overlap
+    pairing.quadratic_overlap = options.quadratic_overlap
     pycolmap.match_sequential(
         database,
         matching_options=matching,

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from multiprocessing.process import BaseProcess
 
+    from mvmatch.bench.sampling import TreeSampler
+
 
 @dataclass(frozen=True, kw_only=True)
 class Apart:
@@ -36,7 +38,10 @@ class Apart:
 
 
 def run_apart(
-    function: Callable[..., dict[str, Any]], *arguments: Any, timeout_s: float | None = None
+    function: Callable[..., dict[str, Any]],
+    *arguments: Any,
+    timeout_s: float | None = None,
+    sampler: TreeSampler | None = None,
 ) -> Apart:
     """Call a function in a fresh process; a crash or an endless loop is a result with its reason.
 
@@ -48,6 +53,8 @@ def run_apart(
         Can be pickled.
     timeout_s : float, optional
         Elapsed time in s after which the process is ended, with those that it started.
+    sampler : TreeSampler, optional
+        Takes samples of the process and those that it started while they run.
     """
     clock = StageClock()
     with tempfile.TemporaryDirectory() as folder:
@@ -56,7 +63,10 @@ def run_apart(
         with clock.stage("apart"):
             process.start()
             try:
-                process.join(timeout_s)
+                if sampler is None:
+                    process.join(timeout_s)
+                else:
+                    sampler.follow(process, timeout_s)
             finally:
                 late = process.is_alive()
                 if late:

@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+MAX_GAP = 10
+"""Frames; pairs further apart are not matched, for any method."""
+
+VERIFICATION = VerificationOptions(mode="sampled", max_sample=1000)
+"""Of every method's matches before mapping."""
+
+
 class Matches(Protocol):
     """Matches of any two frames of a sequence."""
 
@@ -48,7 +55,13 @@ class Matches(Protocol):
         ...
 
     def write(
-        self, path: Path, camera: pycolmap.Camera, names: Many[str], *, sample: Sample | None
+        self,
+        path: Path,
+        camera: pycolmap.Camera,
+        names: Many[str],
+        *,
+        sample: Sample | None,
+        verification: VerificationOptions = VERIFICATION,
     ) -> None:
         """Write a COLMAP database with the same verification for every method."""
         ...
@@ -65,13 +78,6 @@ class Sample:
     share: float
     """Of the points (keypoints or whole tracks) that are kept."""
     seed: int
-
-
-MAX_GAP = 10
-"""Frames; pairs further apart are not matched, for any method."""
-
-VERIFICATION = VerificationOptions(mode="sampled", max_sample=1000)
-"""Of every method's matches before mapping."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +104,18 @@ class TrackMatches:
         return self.tracks.lengths
 
     def write(
-        self, path: Path, camera: pycolmap.Camera, names: Many[str], *, sample: Sample | None
+        self,
+        path: Path,
+        camera: pycolmap.Camera,
+        names: Many[str],
+        *,
+        sample: Sample | None,
+        verification: VerificationOptions = VERIFICATION,
     ) -> None:
         """Write a COLMAP database."""
         write_database(
             sampled(self.tracks, sample), path, camera=camera, image_names=names,
-            verification=VERIFICATION, max_gap=MAX_GAP,
+            verification=verification, max_gap=MAX_GAP,
             further=None if self.further is None else sampled(self.further, sample),
         )  # fmt: skip
 
@@ -124,8 +136,16 @@ class KeypointMatches:
     """(M, 2) keypoint numbers per pair of frames, the earlier frame first."""
 
     @classmethod
-    def from_database(cls, path: Path) -> KeypointMatches:
-        """Read the matches of a COLMAP database as they were before verification."""
+    def from_database(cls, path: Path, *, max_gap: int | None = MAX_GAP) -> KeypointMatches:
+        """Read the matches of a COLMAP database as they were before verification.
+
+        Parameters
+        ----------
+        path : Path
+            The database.
+        max_gap : int or None
+            Pairs of frames further apart are left out; None takes all.
+        """
         import pycolmap
 
         with pycolmap.Database.open(path) as database:
@@ -138,7 +158,8 @@ class KeypointMatches:
             matches: dict[tuple[int, int], NDArray[np.uint32]] = {}
             for pair_id, count in zip(*database.read_num_matches(), strict=True):
                 ids = pycolmap.pair_id_to_image_pair(pair_id)
-                if count and abs(frame_of[ids[0]] - frame_of[ids[1]]) <= MAX_GAP:
+                gap = abs(frame_of[ids[0]] - frame_of[ids[1]])
+                if count and (max_gap is None or gap <= max_gap):
                     first, second = sorted(ids, key=frame_of.__getitem__)
                     found = np.asarray(database.read_matches(first, second), np.uint32)
                     matches[frame_of[first], frame_of[second]] = found
@@ -165,7 +186,13 @@ class KeypointMatches:
         return
 
     def write(
-        self, path: Path, camera: pycolmap.Camera, names: Many[str], *, sample: Sample | None
+        self,
+        path: Path,
+        camera: pycolmap.Camera,
+        names: Many[str],
+        *,
+        sample: Sample | None,
+        verification: VerificationOptions = VERIFICATION,
     ) -> None:
         """Write a COLMAP database."""
         with new_database(path) as database:
@@ -177,7 +204,9 @@ class KeypointMatches:
                 kept = slice(None)
                 if sample is not None:
                     kept = self.kept(frame0, frame1, share=sample.share, seed=sample.seed)
-                _write_pair(database, (frame0, frame1), pairs[kept], self.keypoints, camera)
+                _write_pair(
+                    database, (frame0, frame1), pairs[kept], self.keypoints, camera, verification
+                )
 
     def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
         """Add nothing: every keypoint was mapped."""
@@ -210,6 +239,7 @@ def _write_pair(
     matches: NDArray[np.uint32],
     keypoints: Many[NDArray[np.float32]],
     camera: pycolmap.Camera,
+    verification: VerificationOptions,
 ) -> None:
     """Write and verify the matches of one pair, as ``write_database`` does for tracks."""
     if len(matches) == 0:
@@ -219,7 +249,8 @@ def _write_pair(
     xy0, xy1 = (keypoints[frames[i]][matches[:, i]] for i in range(2))
     fit = fit_pair(
         xy0, xy1, camera, camera,
-        frames=frames, options=VERIFICATION.ransac, max_sample=VERIFICATION.max_sample,
+        frames=frames, options=verification.ransac,
+        max_sample=None if verification.mode == "all" else verification.max_sample,
     )  # fmt: skip
     if fit.score.model is not None:
         geometry = calibrated_geometry(matches[fit.inliers], fit)
