@@ -205,8 +205,9 @@ class KeypointMatches:
                 if sample is not None:
                     kept = self.kept(frame0, frame1, share=sample.share, seed=sample.seed)
                 _write_pair(
-                    database, (frame0, frame1), pairs[kept], self.keypoints, camera, verification
-                )
+                    database, (frame0, frame1), pairs[kept], self.keypoints,
+                    camera=camera, options=verification,
+                )  # fmt: skip
 
     def densify(self, model: pycolmap.Reconstruction, *, sample: Sample | None) -> None:
         """Add nothing: every keypoint was mapped."""
@@ -238,8 +239,9 @@ def _write_pair(
     frames: tuple[int, int],
     matches: NDArray[np.uint32],
     keypoints: Many[NDArray[np.float32]],
+    *,
     camera: pycolmap.Camera,
-    verification: VerificationOptions,
+    options: VerificationOptions,
 ) -> None:
     """Write and verify the matches of one pair, as ``write_database`` does for tracks."""
     if len(matches) == 0:
@@ -249,8 +251,8 @@ def _write_pair(
     xy0, xy1 = (keypoints[frames[i]][matches[:, i]] for i in range(2))
     fit = fit_pair(
         xy0, xy1, camera, camera,
-        frames=frames, options=verification.ransac,
-        max_sample=None if verification.mode == "all" else verification.max_sample,
+        frames=frames, options=options.ransac,
+        max_sample=None if options.mode == "all" else options.max_sample,
     )  # fmt: skip
     if fit.score.model is not None:
         geometry = calibrated_geometry(matches[fit.inliers], fit)

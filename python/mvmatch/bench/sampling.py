@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -92,7 +93,7 @@ def utilisation(samples: Many[Sample]) -> list[tuple[float, float]]:
     """Return the middle of each interval, s, and the processors busy in it; 1 is one core."""
     return [
         ((a.time_s + b.time_s) / 2, (b.cpu_s - a.cpu_s) / (b.time_s - a.time_s))
-        for a, b in zip(samples, samples[1:], strict=False)
+        for a, b in pairwise(samples)
         if b.time_s > a.time_s
     ]
 

@@ -9,9 +9,12 @@ from typing import Any
 from cyclopts import App
 
 from mvmatch.cli.console import Outcome
+from mvmatch.cli.protocol import paper
 from mvmatch.cli.settings import Json, Output
 
 app = App(name="bench", sort_key=100, help="Measure methods against the truth (docs/accuracy.md).")
+app.command(paper)
+app.default(paper)  # `mvmatch bench configs/paper.toml --data FOLDER`
 
 
 @app.command

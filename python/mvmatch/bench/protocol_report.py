@@ -1,0 +1,40 @@
+"""Everything that the protocol leaves: tables, figures, a page, and rows for other programs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mvmatch.bench.protocol_figures import write_figures
+from mvmatch.bench.protocol_page import protocol_page
+from mvmatch.bench.protocol_summary import write_parquet
+from mvmatch.bench.protocol_tables import protocol_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence as Many
+    from pathlib import Path
+
+    from mvmatch.bench.protocol_options import ProtocolOptions
+    from mvmatch.bench.store import Result
+
+SUMMARY, PAIRS = "results.parquet", "pairs.parquet"
+MARKDOWN, LATEX, PAGE, FIGURES = "tables.md", "tables.tex", "bench.html", "figures"
+
+
+def write_protocol(results: Many[Result], options: ProtocolOptions, out: Path) -> list[Path]:
+    """Write what is made of the results into the folder of a benchmark.
+
+    Returns
+    -------
+    list of Path
+        ``results.parquet``, ``pairs.parquet``, ``tables.md``, ``tables.tex``, ``bench.html``, and
+        the folder ``figures``.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    write_parquet(results, out / SUMMARY, out / PAIRS)
+    tables = protocol_tables(results)
+    text = "\n".join(table.markdown() for table in tables)
+    (out / MARKDOWN).write_text(f"# Protocol {options.name}\n\n{text}", encoding="utf-8")
+    (out / LATEX).write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
+    figures = write_figures(results, out / FIGURES)
+    (out / PAGE).write_text(protocol_page(tables, figures, options), encoding="utf-8")
+    return [out / name for name in (SUMMARY, PAIRS, MARKDOWN, LATEX, PAGE, FIGURES)]
