@@ -1,6 +1,6 @@
 # The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench bench-accuracy bench-ablation bench-confidence bench-sfm fuzz fuzz-long fmt clean
+.PHONY: help setup demo test lint bench bench-accuracy bench-ablation bench-confidence bench-paper bench-sfm fuzz fuzz-long fmt clean
 SHELL := /bin/bash
 
 # The first interpreter that runs, is new enough and can make virtual environments.
@@ -18,6 +18,7 @@ help:
 	@echo "make bench   speed of the parser and of the front ends"
 	@echo "make bench-accuracy   points and poses of all methods against the truth (ACCURACY=options)"
 	@echo "make bench-ablation   the same for preset default with one part off at a time"
+	@echo "make bench-paper   the paper's protocol: tables, figures and a page (PAPER=file of settings)"
 	@echo "make bench-sfm   whole runs, from input to model, beside SIFT (SFM=options)"
 	@echo "make bench-confidence   the confidence in vectors against how many are right"
 	@echo "make fuzz    every fuzz target for FUZZ_SECONDS (60); make fuzz-long reads damaged files"
@@ -97,6 +98,11 @@ SFM_DATA ?= $(TRUTH) $(SHARED)/sequences
 
 bench-sfm: setup
 	$(BIN)/mvmatch bench sfm $(addprefix --data ,$(SFM_DATA)) -o out/sfm $(SFM)
+
+PAPER ?= configs/paper.toml
+
+bench-paper: setup
+	$(BIN)/mvmatch bench $(PAPER) --data $(SHARED)/sequences -o out/$(basename $(notdir $(PAPER)))
 
 bench-confidence: setup
 	$(BIN)/mvmatch bench confidence --data $(TRUTH) -o out/confidence --qualities 20,30,45

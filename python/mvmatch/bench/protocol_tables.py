@@ -99,7 +99,8 @@ def protocol_tables(results: Many[Result]) -> list[Table]:
         ),
         _table(
             "III", "Structure from motion", once, _MODELS,
-            "The camera is held where it is known; the mapper and its checks are the same for all. Distinct points are in no "
+            "The camera is held where it is known; the mapper and its checks are the same for all. "
+            "Distinct points are in no "
             "image within 1 px of an earlier one. ATE after alignment by a similarity, % of the "
             "path; RPE over one frame. Front end: from preprocessing to verification, elapsed / "
             "CPU. BA: CPU ms of an iteration of bundle adjustment.",
