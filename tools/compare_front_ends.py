@@ -24,7 +24,7 @@ METHODS = ("mvmatch", "encode-svt", "klt", "dis", "sift-sequential")
 def run_mvmatch(arguments: argparse.Namespace, database: Path) -> None:
     from mvmatch.camera import parse_camera
     from mvmatch.export.colmap import write_database
-    from mvmatch.pipeline import match_video
+    from mvmatch.matching import match_video
     from mvmatch.sources import ReadOptions
     from mvmatch.tracks import TrackOptions
 
