@@ -216,6 +216,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "footage",
         "overlays",
         "matching",
+        "rows",
         "shots",
         "sources",
         "tracks",

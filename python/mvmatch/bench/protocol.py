@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 _JUDGES = (
     "bench/apart.py", "bench/compose.py", "bench/datasets", "bench/mapping.py", "bench/matches.py",
     "bench/protocol.py", "bench/protocol_judge.py", "bench/protocol_methods.py",
-    "bench/sampling.py", "bench/sfm_judge.py", "camera", "export", "geometry", "pairing.py", "sfm",
-    "types.py",
+    "bench/sampling.py", "bench/sfm_judge.py", "camera", "export", "geometry", "pairing.py",
+    "rows.py", "sfm", "types.py",
 )  # fmt: skip
 
 

@@ -11,15 +11,13 @@ import fnmatch
 import hashlib
 import json
 import shutil
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mvmatch.bench.accuracy import AccuracyOptions, draws_of, judge
+from mvmatch.bench.apart import run_apart
 from mvmatch.bench.compose import COMPOSITIONS
 from mvmatch.bench.datasets import Sequence, find_sequences, load_sequence, write_frames
 from mvmatch.bench.digests import code_digest, folder_digest
@@ -41,7 +39,8 @@ CELLS, SCRATCH = "cells", "scratch"
 
 _JUDGES = (
     "bench/accuracy.py", "bench/compose.py", "bench/datasets", "bench/front_ends.py",
-    "bench/matches.py", "bench/truth.py", "camera", "geometry", "pairing.py", "types.py",
+    "bench/matches.py", "bench/truth.py", "camera", "geometry", "pairing.py",
+    "rows.py", "types.py",
 )  # fmt: skip
 _MAPPERS = ("bench/mapping.py", "export", "sfm")
 
@@ -240,11 +239,8 @@ def _untold(cell: Cell, state: str) -> None:
 
 
 def _isolated(cell: Cell) -> dict[str, Any]:
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        try:
-            return pool.submit(compute_cell, cell).result()
-        except BrokenProcessPool:
-            return _result(cell, error="the process died without a word")
+    apart = run_apart(compute_cell, cell)
+    return apart.value if apart.error is None else _result(cell, error=apart.error)
 
 
 def _result(cell: Cell, *, error: str | None = None, **values: Any) -> dict[str, Any]:
