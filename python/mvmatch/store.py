@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     import pyarrow as pa
+    from numpy.typing import NDArray
 
     from mvmatch.sources.options import Skipped
 
@@ -200,7 +201,7 @@ def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) 
     ):
         for part in table.tracks.parts(_ROWS_PER_GROUP):
             columns = (part.track_index + first, part.frame, *np.ascontiguousarray(part.xy.T))
-            writer.write_table(pa.table([pa.array(column) for column in columns], schema=schema))
+            writer.write_table(pa.table([_arrow(column) for column in columns], schema=schema))
             first += len(part)
 
 
@@ -218,7 +219,7 @@ def read_tracks(path: Path) -> TracksTable:
     num_tracks = num_rows = 0
     with file, columns(np.int64, np.int32, np.float32) as (offsets, frames, points):
         for batch in _batches(file):
-            track, frame, x, y = (batch[name].to_numpy() for name in ("track", "frame", "x", "y"))
+            track, frame, x, y = (_numbers(batch[name]) for name in ("track", "frame", "x", "y"))
             # A track may have begun in the batch before.
             begun = np.arange(num_tracks, int(track[-1]) + 1)
             offsets.add(np.searchsorted(track, begun) + num_rows)
@@ -328,17 +329,25 @@ def _motion_columns(field: MotionField) -> list[Any]:
     import pyarrow as pa
 
     block, mv = np.ascontiguousarray(field.block.T), np.ascontiguousarray(field.mv.T)
-    warp = pa.FixedSizeListArray.from_arrays(np.ascontiguousarray(field.warp).ravel(), 6)
+    warp = pa.FixedSizeListArray.from_arrays(_arrow(field.warp.ravel()), 6)
     frame = np.full(len(field), field.frame, np.int32)
     plain = (field.ref_frame, field.flags, field.segment_id, field.qindex, field.residual)
-    return [pa.array(values) for values in (frame, *block, *mv, *plain)] + [warp]
+    return [_arrow(values) for values in (frame, *block, *mv, *plain)] + [warp]
+
+
+def _arrow(values: NDArray[Any]) -> Any:
+    """Return numbers (N,) as an Arrow array; pyarrow's own way would import pandas."""
+    import pyarrow as pa
+
+    data = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, data])
 
 
 def _motion_arrays(table: Any) -> dict[str, Any]:
     def column(name: str) -> Any:
-        return table[name].to_numpy()
+        return _numbers(table[name].combine_chunks())
 
-    warp = table["warp"].combine_chunks().flatten().to_numpy().reshape(-1, 6)
+    warp = _numbers(table["warp"].combine_chunks().flatten()).reshape(-1, 6)
     same = ("ref_frame", "flags", "segment_id", "qindex", "residual")
     return {
         "block": np.stack([column(name) for name in ("x", "y", "w", "h")], axis=1),
@@ -346,6 +355,11 @@ def _motion_arrays(table: Any) -> dict[str, Any]:
         "warp": warp,
         **{name: column(name) for name in same},
     }
+
+
+def _numbers(column: Any) -> NDArray[Any]:
+    """Return an Arrow array (N,) without nulls as NumPy's; its own way would import pandas."""
+    return np.from_dlpack(column)
 
 
 def _field_header(field: MotionField) -> tuple[float, ...]:
