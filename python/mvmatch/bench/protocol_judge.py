@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +27,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence as Many
     from pathlib import Path
 
+    import pycolmap
+    from numpy.typing import NDArray
+
     from mvmatch.bench.datasets import Sequence
     from mvmatch.bench.matches import Matches
     from mvmatch.bench.protocol_methods import Timeline
     from mvmatch.bench.protocol_options import ProtocolOptions
+    from mvmatch.geometry.two_view import PairGeometry
 
 VERIFY, MAP, DENSIFY = "verify", "map", "densify"
 """Stages behind a front end."""
@@ -60,40 +67,56 @@ def judge_pairs(
     """
     pairs = [(frame, frame + gap) for gap in options.gaps for frame in range(len(sequence) - gap)]
     shortest = _shortest_baseline(sequence, pairs)
+    first_seed = options.ransac.seed
     rows: list[dict[str, Any]] = []
-    for frames in pairs:
-        found = matches.between(*frames)
-        points = found.xy0.astype(np.float64), found.xy1.astype(np.float64)
-        pose = relative_pose(*(sequence.cam_from_world[frame] for frame in frames))
-        head = {
-            "gap": frames[1] - frames[0],
-            "frame0": frames[0],
-            "matches": len(found),
-            "distinct": int(distinct_points(points[0]).sum()),
-        }
-        for seed in range(options.ransac.seed, options.ransac.seed + options.repetitions):
-            fit = fit_pair(
-                *points, sequence.camera, sequence.camera,
-                options=replace(options.ransac, seed=seed), max_sample=options.max_sample,
-            )  # fmt: skip
-            # A failure only where there is something to fail at.
-            rotation = translation = math.inf if np.isfinite(pose).all() else math.nan
-            if fit.cam1_from_cam0 is not None:
-                estimate = np.asarray(fit.cam1_from_cam0.matrix(), np.float64)
-                rotation, translation = relative_pose_error(estimate, pose, min_baseline=shortest)
-            elif not np.linalg.norm(pose[:, 3]) > shortest:
-                translation = math.nan
-            rows.append({
-                **head,
-                "seed": seed,
-                "inlier_ratio": fit.score.inlier_ratio,
-                "sampson_px": fit.score.median_sampson_px,
-                "sampson_normalized": fit.score.median_sampson_normalized,
-                "rotation_deg": rotation,
-                "translation_deg": translation,
-                "pose_deg": float(np.fmax(rotation, translation)),
-            })  # fmt: skip
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for frames in pairs:
+            found = matches.between(*frames)
+            points = found.xy0.astype(np.float64), found.xy1.astype(np.float64)
+            pose = relative_pose(*(sequence.cam_from_world[frame] for frame in frames))
+            head = {
+                "gap": frames[1] - frames[0],
+                "frame0": frames[0],
+                "matches": len(found),
+                "distinct": int(distinct_points(points[0]).sum()),
+            }
+            estimate = partial(_estimated, points, sequence.camera, options)
+            seeds = range(first_seed, first_seed + options.repetitions)
+            rows += [
+                {**head, "seed": seed, **_judged(fitted, pose, shortest)}
+                for seed, fitted in zip(seeds, pool.map(estimate, seeds), strict=True)
+            ]
     return rows
+
+
+def _estimated(
+    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    camera: pycolmap.Camera,
+    options: ProtocolOptions,
+    seed: int,
+) -> PairGeometry:
+    """Estimate the geometry of correspondences, (N, 2) px each, with one seed."""
+    ransac = replace(options.ransac, seed=seed)
+    return fit_pair(*points, camera, camera, options=ransac, max_sample=options.max_sample)
+
+
+def _judged(fit: PairGeometry, pose: NDArray[np.float64], shortest: float) -> dict[str, float]:
+    """Return the columns of one estimation, against the true relative pose (3, 4)."""
+    # A failure only where there is something to fail at.
+    rotation = translation = math.inf if np.isfinite(pose).all() else math.nan
+    if fit.cam1_from_cam0 is not None:
+        estimate = np.asarray(fit.cam1_from_cam0.matrix(), np.float64)
+        rotation, translation = relative_pose_error(estimate, pose, min_baseline=shortest)
+    elif not np.linalg.norm(pose[:, 3]) > shortest:
+        translation = math.nan
+    return {
+        "inlier_ratio": fit.score.inlier_ratio,
+        "sampson_px": fit.score.median_sampson_px,
+        "sampson_normalized": fit.score.median_sampson_normalized,
+        "rotation_deg": rotation,
+        "translation_deg": translation,
+        "pose_deg": float(np.fmax(rotation, translation)),
+    }
 
 
 def _shortest_baseline(sequence: Sequence, pairs: Many[tuple[int, int]]) -> float:
