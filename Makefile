@@ -100,9 +100,10 @@ bench-sfm: setup
 	$(BIN)/mvmatch bench sfm $(addprefix --data ,$(SFM_DATA)) -o out/sfm $(SFM)
 
 PAPER ?= configs/paper.toml
+PAPER_DATA ?= $(SHARED)/sequences $(wildcard $(addprefix $(TRUTH)/,street_drive room_handheld))
 
 bench-paper: setup
-	$(BIN)/mvmatch bench $(PAPER) --data $(SHARED)/sequences -o out/$(basename $(notdir $(PAPER)))
+	$(BIN)/mvmatch bench $(PAPER) $(addprefix --data ,$(PAPER_DATA)) -o out/$(basename $(notdir $(PAPER)))
 
 bench-confidence: setup
 	$(BIN)/mvmatch bench confidence --data $(TRUTH) -o out/confidence --qualities 20,30,45
