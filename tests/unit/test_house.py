@@ -15,6 +15,8 @@ HEAVY = (
     "cv2",
     "h5py",
     "scipy",
+    "torch",
+    "kornia",
     "yaml",
 )
 
