@@ -1,6 +1,6 @@
 # The verbs of mvmatch. Each sets up what it needs from nothing but Python >= 3.11 and Rust.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint bench bench-accuracy bench-ablation bench-confidence bench-paper bench-sfm fuzz fuzz-long fmt clean
+.PHONY: help setup demo test test-deep lint bench bench-accuracy bench-ablation bench-confidence bench-paper bench-sfm fuzz fuzz-long fmt clean
 SHELL := /bin/bash
 
 # The first interpreter that runs, is new enough and can make virtual environments.
@@ -14,6 +14,7 @@ RUST_SOURCES := $(shell find crates -name '*.rs' -o -name 'Cargo.toml') Cargo.to
 help:
 	@echo "make demo    render a short synthetic drive, encode it, reconstruct it, compare with the truth"
 	@echo "make test    all tests: Rust, Python"
+	@echo "make test-deep   the tests of learned matchers; fetches PyTorch (some GB)"
 	@echo "make lint    rustfmt, clippy, ruff, pyright, import-linter, stubtest"
 	@echo "make bench   speed of the parser and of the front ends"
 	@echo "make bench-accuracy   points and poses of all methods against the truth (ACCURACY=options)"
@@ -50,6 +51,11 @@ demo: setup
 test: setup
 	$(CARGO_TEST)
 	$(BIN)/python -m pytest
+
+# What `make test` skips without PyTorch.
+test-deep: setup
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --extras deep
+	$(BIN)/python -m pytest tests/unit/test_learned.py
 
 lint: setup
 	cargo fmt --all --check

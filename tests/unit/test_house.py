@@ -19,6 +19,8 @@ HEAVY = (
     "cv2",
     "h5py",
     "scipy",
+    "torch",
+    "kornia",
     "yaml",
 )
 

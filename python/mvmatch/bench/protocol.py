@@ -120,10 +120,10 @@ def run_protocol(
     -------
     list of dict
         As in the files: ``sequence``, ``method``, ``key``, ``error`` (None or the reason),
-        ``encoding`` (``seconds``, ``cpu_seconds``, ``num_bytes``; None where frames are read),
-        ``size`` and ``num_frames``, ``stages`` (:class:`Timeline`), ``reading``, ``rows``
-        (:func:`judge_pairs`), ``adjacency`` (:func:`verify_matches`), ``model`` (None without
-        mapping), ``usage`` (:func:`_usage`), and the provenance.
+        ``settings`` of the method, ``encoding`` (``seconds``, ``cpu_seconds``, ``num_bytes``; None
+        where frames are read), ``size`` and ``num_frames``, ``stages`` (:class:`Timeline`),
+        ``reading``, ``rows`` (:func:`judge_pairs`), ``adjacency`` (:func:`verify_matches`),
+        ``model`` (None without mapping), ``usage`` (:func:`_usage`), and the provenance.
     """
     return fill_cells(protocol_cells(options, data, out), compute_cell, tell or _untold)
 
@@ -132,8 +132,9 @@ def compute_cell(cell: ProtocolCell) -> Result:
     """Prepare, run and judge one cell; what goes wrong is its ``error``."""
     head: Result = {
         "sequence": cell.sequence, "method": cell.method, "key": cell.key, "error": None,
-        "encoding": None, "size": None, "num_frames": 0, "stages": [], "reading": None, "rows": [],
-        "adjacency": None, "model": None, "usage": None, **provenance(),
+        "settings": plain(described(cell.method)), "encoding": None, "size": None, "num_frames": 0,
+        "stages": [], "reading": None, "rows": [], "adjacency": None, "model": None, "usage": None,
+        **provenance(),
     }  # fmt: skip
     reason = METHODS[cell.method].unavailable()
     if reason is not None:

@@ -22,7 +22,14 @@ from mvmatch.colmap_log import quiet_colmap
 from mvmatch.config import RunOptions
 from mvmatch.encode import EncodeOptions
 from mvmatch.encode.status import encoder_status
-from mvmatch.errors import MissingExtraError
+from mvmatch.errors import DataError, MissingExtraError
+from mvmatch.learned import (
+    LightGlueModel,
+    SuperGlueModel,
+    device_of_networks,
+    read_rgb,
+    require_torch,
+)
 from mvmatch.matching import bridge_match, match_video, open_source
 from mvmatch.measure import StageClock
 from mvmatch.sources import ReadOptions
@@ -30,6 +37,8 @@ from mvmatch.sources import ReadOptions
 if TYPE_CHECKING:
     from collections.abc import Generator
     from pathlib import Path
+
+    from mvmatch.learned import LearnedModel
 
 PREPROCESS, MATCH = "preprocess", "match"
 """Stages of a front end: what precedes matching (features, or reading vectors), and matching."""
@@ -190,29 +199,47 @@ class TrackerMethod:
 
 
 @dataclass(frozen=True)
-class Absent:
-    """A method of the literature that mvmatch does not run; a row says why."""
+class LearnedMethod:
+    """A learned matcher; like SIFT it matches every pair up to :data:`MAX_GAP` frames apart.
 
-    reason: str
+    Frames are taken in their own size, as by every method. Loading the networks is no stage.
+    """
 
-    def unavailable(self) -> str:
-        """Say why."""
-        return self.reason
+    model: LearnedModel
+
+    def unavailable(self) -> str | None:
+        """Look for packages and weights."""
+        try:
+            self.model.require()
+        except (MissingExtraError, DataError) as error:
+            return str(error)
+        return None
 
     def prepare(self, clip: Clip) -> None:
-        """Never called."""
+        """Prepare nothing: it reads the frames."""
 
     def run(self, clip: Clip, timeline: Timeline, threads: int) -> Matches:
-        """Never called."""
-        raise NotImplementedError(self.reason)
+        """Extract features and match them."""
+        require_torch().set_num_threads(threads)
+        matcher = self.model.load()
+        with timeline.stage(PREPROCESS):
+            frames = read_rgb(sorted(clip.images.iterdir()))
+            features = [matcher.extract(frame) for frame in frames]
+        with timeline.stage(MATCH):
+            matches = {
+                (frame0, frame1): matcher.match(features[frame0], features[frame1])
+                for frame0 in range(len(features))
+                for frame1 in range(frame0 + 1, min(frame0 + MAX_GAP + 1, len(features)))
+            }
+        return KeypointMatches(keypoints=tuple(each.xy for each in features), matches=matches)
 
     def reading(self, clip: Clip, threads: int) -> None:
-        """Never called."""
+        """Measure nothing: extraction is a stage of its own."""
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """None."""
-        return ()
+        """Modules that the result depends on."""
+        return "learned", "opencv"
 
 
 def _scratch_database(clip: Clip, name: str) -> Path:
@@ -223,7 +250,6 @@ _HARDWARE = {
     name: EncodeOptions(encoder=name)  # pyright: ignore[reportArgumentType]
     for name in ("nvenc", "qsv", "vaapi")
 }
-_WEIGHTS = "mvmatch has no learned matcher: it needs PyTorch and downloaded weights"
 
 METHODS: dict[str, Method] = {
     **{
@@ -235,9 +261,9 @@ METHODS: dict[str, Method] = {
     "sift-exhaustive": SiftMethod(options=SiftOptions(pairing="exhaustive", verify=False)),
     "klt": TrackerMethod("klt"),
     "dis": TrackerMethod("dis"),
-    "disk-lightglue": Absent(_WEIGHTS),
-    "aliked-lightglue": Absent(_WEIGHTS),
-    "superpoint-superglue": Absent(f"{_WEIGHTS}, whose licence forbids commercial use"),
+    "disk-lightglue": LearnedMethod(LightGlueModel(features="disk")),
+    "aliked-lightglue": LearnedMethod(LightGlueModel(features="aliked")),
+    "superpoint-superglue": LearnedMethod(SuperGlueModel()),
 }
 """By name; a further method is one line."""
 
@@ -248,4 +274,6 @@ def described(name: str) -> dict[str, Any]:
     settings = asdict(method)  # pyright: ignore[reportArgumentType]
     if isinstance(method, VectorMethod):
         settings["options"] = asdict(RunOptions.preset(method.preset).track)
+    if isinstance(method, LearnedMethod) and method.unavailable() is None:
+        settings["device"] = device_of_networks()
     return settings

@@ -48,7 +48,7 @@ _SHOWN = {
 }
 """Measure to title, factor and decimals."""
 _BRIEF = ("distinct", "right_coverage", "within_1px", "within_3px", "median_px", "auc_1", "auc_5")
-_LIBRARIES = ("opencv-python-headless", "embreex", "imageio-ffmpeg")
+_LIBRARIES = ("opencv-python-headless", "embreex", "imageio-ffmpeg", "torch", "kornia")
 
 
 def write_tables(results: Many[dict[str, Any]], options: RunOptions) -> list[Path]:
