@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+from browser import Browser, executable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -29,3 +35,13 @@ def shared() -> Path:
 def data() -> Path:
     """Folder of the small streams that belong to the repository."""
     return REPOSITORY / "tests" / "data"
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Headless Chromium or Chrome; without one the test is skipped."""
+    path = executable()
+    if path is None:
+        pytest.skip("no Chromium or Chrome is on the PATH (Debian: apt-get install chromium)")
+    with Browser(path) as running:
+        yield running

@@ -204,6 +204,20 @@ def test_the_page_asks_for_nothing_from_elsewhere(tmp_path):
     assert "<th>seeds</th><td>0, 1, 2</td>" in page
 
 
+def test_the_page_opens_in_a_browser_without_complaint_and_fits(browser, tmp_path):
+    results = [result(), failed("not run: <b>"), failed("x" * 300)]
+    made = write_figures(results, tmp_path)
+    page = tmp_path / "bench.html"
+    tables = protocol_tables(results)
+    page.write_text(protocol_page(tables, made, ProtocolOptions(name="small")), encoding="utf-8")
+    for width in (360, 1200):
+        found = browser.visit(page, size=(width, 800))
+        assert found.title == "Protocol small"
+        assert (found.complaints, found.requests, found.broken, found.overflow) == ((), (), (), 0)
+    for words in ("Table IV: Encoders", "not run: <b>", "CPU over time", "How it was made"):
+        assert words in found.text, words
+
+
 def test_a_whole_run_has_figures_for_what_runs_and_reasons_for_the_rest(finished):
     vectors, absent = finished[2]
     assert vectors["error"] is None

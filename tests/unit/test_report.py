@@ -17,6 +17,8 @@ from mvmatch.types import TwoViewScore
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from browser import Browser
+
 FRAMES = 24
 
 
@@ -200,6 +202,17 @@ def test_the_page_has_a_section_for_every_question_and_asks_nobody(tmp_path: Pat
     assert "url(http" not in text
     for figure in ("24 / 24", "9,120", "0.31 px", "0.070 %", "13.9 s", "410 MB", "SIMPLE_PINHOLE"):
         assert figure in text, figure
+
+
+@pytest.mark.parametrize("width", [360, 1200])
+def test_the_page_opens_in_a_browser_without_complaint_and_fits(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    found = browser.visit(write_report(tmp_path, facts()), size=(width, 800))
+    assert found.title == "drive/<clip> & more - mvmatch report"
+    assert (found.complaints, found.requests, found.broken, found.overflow) == ((), (), (), 0)
+    for words in ("All 24 images registered", "Two-view geometry", "0.070 %", "keypoints"):
+        assert words in found.text, words
 
 
 @pytest.mark.parametrize("missing", sorted(facts()))

@@ -105,6 +105,7 @@ def draw_utilisation(results: Many[Result]) -> Figure:
 def draw_adjacency(result: Result) -> Figure:
     """Draw the matches of every pair of frames before and after verification, logarithmic."""
     from matplotlib.colors import LogNorm
+    from matplotlib.ticker import MaxNLocator
 
     before, after = adjacency(result)
     figure, panels = _figure(1.95, columns=2)
@@ -117,6 +118,8 @@ def draw_adjacency(result: Result) -> Figure:
         axes.set_title(title, fontsize=8)
         axes.set_xlabel("frame")
         axes.grid(visible=False)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(5, integer=True))
     panels[0].set_ylabel("frame")
     panels[1].tick_params(labelleft=False)
     if image is not None:
@@ -147,6 +150,7 @@ def draw_errors(rows: Many[Row]) -> Figure:
                 label=f"gap {gap}",
             )  # fmt: skip
         axes.set_ylabel(label)
+        axes.ticklabel_format(axis="y", useOffset=False, style="plain")
         axes.set_xticks(range(len(methods)), [""] * len(methods))
         axes.set_xlim(-0.5, len(methods) - 0.5)
     panels[-1].set_xticks(range(len(methods)), methods, rotation=40, ha="right")

@@ -25,9 +25,11 @@ _CAPTIONS = {
     "adjacency": "Matches of every pair of frames, before and after verification.",
 }
 _MORE = """
-main { max-width: 1200px; } .wide { overflow-x: auto; }
+main { max-width: 1280px; }
 img { max-width: 100%; width: 420px; background: #fff; border-radius: 4px; }
-td.reason { text-align: left !important; color: var(--soft); }
+table.numbers { font-size: 14px; } table.numbers :is(td, th) { padding-right: 12px; }
+table.numbers :is(td, th):nth-child(-n+2) { text-align: left; }
+table.numbers td.reason { text-align: left; white-space: normal; color: var(--soft); }
 """
 
 

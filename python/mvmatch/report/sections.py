@@ -283,7 +283,8 @@ def cost(facts: Facts) -> str:
         [float(stage.get("cpu_s") or 0) for stage in stages],
         keys=("elapsed", "CPU"),
     )
-    return _section("Cost", _figure(drawn, "CPU time adds all threads and child processes."))
+    figure = _figure(drawn, "CPU time adds all threads and child processes.")
+    return _section("Cost", f'<div class="wide">{figure}</div>')
 
 
 def options(facts: Facts) -> str:
@@ -318,7 +319,7 @@ def _distance_table(found: list[Facts]) -> str:
             " / ".join(map(str, models)),
         )
         lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    return f'<table class="numbers">{"".join(lines)}</table>'
+    return f'<div class="wide"><table class="numbers">{"".join(lines)}</table></div>'
 
 
 def _section(title: str, content: str) -> str:

@@ -38,12 +38,17 @@ svg .axis { font-size: 12px; } svg .name { font-size: 13px; fill: var(--ink); }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 3px 18px 3px 0; vertical-align: top; }
 th { font-weight: 500; color: var(--soft); }
-table.numbers td, table.numbers th { text-align: right; }
+table.numbers td, table.numbers th { text-align: right; white-space: nowrap; }
+.wide { overflow-x: auto; } .wide svg { min-width: 560px; }
 tr + tr td, tr + tr th { border-top: 1px solid var(--line); }
-td { overflow-wrap: anywhere; }
+td { overflow-wrap: anywhere; min-width: 8ch; }
+table.numbers td { min-width: 0; }
 ul { margin: 0; padding-left: 20px; }
 pre { overflow-x: auto; font-size: 12.5px; margin: 8px 0 0; }
 summary { cursor: pointer; color: var(--soft); }
 footer { color: var(--soft); font-size: 13px; }
-@media print { body { background: #fff; } main { max-width: none; padding: 0; } }
+@media (max-width: 600px) { main { padding: 16px 10px 40px; } section { padding: 14px 12px; }
+  figure > svg text { font-size: 14px; } .wide svg text { font-size: 13px; } }
+@media print { .wide { overflow: visible; } .wide svg { min-width: 0; }
+  body { background: #fff; } main { max-width: none; padding: 0; } }
 """
