@@ -30,7 +30,7 @@ from mvmatch.sfm import (
     diagnose,
     reconstruct,
     status_of,
-    write_model,
+    write_models,
 )
 from mvmatch.store import is_table
 from mvmatch.types import Tracks
@@ -310,13 +310,11 @@ def make_denser(state: State, folder: Path) -> Facts:
     state.tell("densify")
     assert state.model.reconstruction is not None
     tracks = Tracks.concatenate(state.tracks, state.match.further)
-    summary = densify(state.model.reconstruction, tracks, options=state.options.densify)
-    write_model(state.model.reconstruction, folder / outputs.MODEL)
-    for number, path in enumerate(state.model.further, 1):
-        part = pycolmap.Reconstruction(path)
-        densify(part, tracks, options=state.options.densify)
-        write_model(part, folder / outputs.MODEL, number)
-    return dataclasses.asdict(summary)
+    further = [pycolmap.Reconstruction(path) for path in state.model.further]
+    models = [state.model.reconstruction, *further]
+    summaries = [densify(model, tracks, options=state.options.densify) for model in models]
+    write_models(models, folder / outputs.MODEL)
+    return dataclasses.asdict(summaries[0])
 
 
 def load_denser(state: State, folder: Path, facts: Facts) -> None:
