@@ -9,11 +9,11 @@ its hands off the generated rows, so a table can be held against the printed pag
 
 from __future__ import annotations
 
+import argparse
 import ast
 import math
 import operator
 import re
-import sys
 import textwrap
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -359,13 +359,14 @@ def write_module(spec: Specification, out: Path, description: str) -> None:
 
 
 def main() -> None:
-    if len(sys.argv) not in (2, 3):
-        raise SystemExit(__doc__)
-    spec = Specification(Path(sys.argv[1]))
-    out = Path(sys.argv[2]) if len(sys.argv) == 3 else OUT_DIR
-    out.mkdir(parents=True, exist_ok=True)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("spec", type=Path, help="folder of the specification's markdown chapters")
+    parser.add_argument("out", type=Path, nargs="?", default=OUT_DIR, help="default: %(default)s")
+    arguments = parser.parse_args()
+    spec = Specification(arguments.spec)
+    arguments.out.mkdir(parents=True, exist_ok=True)
     for description in MODULES.strip().split("\n\n"):
-        write_module(spec, out, description)
+        write_module(spec, arguments.out, description)
 
 
 if __name__ == "__main__":

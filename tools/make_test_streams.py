@@ -9,6 +9,7 @@ streams are stored in the repository; this script documents them and makes new o
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import os
 import subprocess
@@ -200,8 +201,15 @@ def origins(folder: Path) -> str:
 
 def main() -> None:
     """Make the streams named on the command line, all without names."""
-    folder = Path(sys.argv[1])
-    for name in sys.argv[2:] or CLIPS:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="of the streams, such as tests/data")
+    parser.add_argument("names", nargs="*", metavar="name", help=f"of {', '.join(CLIPS)}; else all")
+    arguments = parser.parse_args()
+    unknown = set(arguments.names) - set(CLIPS)
+    if unknown:
+        parser.error(f"there is no clip {', '.join(sorted(unknown))}")
+    folder: Path = arguments.folder
+    for name in arguments.names or CLIPS:
         clip = CLIPS[name]
         path = folder / f"{name}.ivf"
         (encode_svt if clip.encoder == "svt" else encode_ffmpeg)(clip, path)

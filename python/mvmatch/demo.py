@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mvmatch.matching import Progress
+    from mvmatch.match import Progress
 
 IMAGES = "images"
 """Folder of the rendered frames."""

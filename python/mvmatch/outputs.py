@@ -15,6 +15,7 @@ import numpy as np
 
 from mvmatch.errors import DataError
 from mvmatch.pairing import seen_in, shared
+from mvmatch.sfm import foreign_models
 from mvmatch.work import FOLDER
 
 if TYPE_CHECKING:
@@ -58,8 +59,13 @@ def require_ours(out: Path) -> None:
     if out.exists() and not out.is_dir():
         message = f"{out} is a file. Give a folder for the results"
         raise DataError(message)
-    foreign = [name for name in _OURS if (out / name).exists()]
-    if foreign and not (out / REPORT).is_file() and not (out / _PUBLISHING).is_file():
+    if (out / _PUBLISHING).is_file():
+        return
+    if (out / REPORT).is_file():
+        foreign = [f"{MODEL}/{path.name}" for path in foreign_models(out / MODEL)]
+    else:
+        foreign = [name for name in _OURS if (out / name).exists()]
+    if foreign:
         message = (
             f"{out} holds {foreign[0]} that no run of mvmatch made: it would be replaced. "
             "Give another folder with -o"

@@ -16,7 +16,7 @@ from mvmatch.camera import parse_camera
 from mvmatch.config import RunOptions, to_mapping
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import DataError, NotAv1Error
-from mvmatch.matching import Match, Progress, open_source
+from mvmatch.matching import open_source
 from mvmatch.measure import StageCost, peak_rss_mb
 from mvmatch.opencv import require_opencv
 from mvmatch.pairing import sum_by_frame
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
     from mvmatch.export.colmap import DatabaseSummary
+    from mvmatch.match import Match, Progress
     from mvmatch.sfm import DensifySummary, Diagnosis, ReconstructionResult
     from mvmatch.work import Product, Work
 
@@ -105,7 +106,7 @@ STAGES = (
         needs=("movers",),
         depends=lambda _: None,
         make=stages.make_masks,
-        load=stages.load_nothing,
+        load=stages.load_masks,
         is_wanted=lambda state: state.masks,
     ),
     Stage(
@@ -128,8 +129,8 @@ STAGES = (
     Stage(
         name="undistort",
         title="undistort",
-        needs=("densify",),
-        depends=lambda _: None,
+        needs=("densify", "masks"),
+        depends=lambda state: state.masks,
         make=stages.undistort,
         load=stages.load_nothing,
         is_wanted=lambda state: state.undistort and state.model.accepted,
@@ -200,8 +201,9 @@ def reconstruct_video(  # noqa: PLR0913
     masks : bool
         Write a mask per picture: moving objects and static overlays black.
     undistort : bool
-        Write ``out/undistorted``: ``images`` without distortion, and ``sparse/0`` with the pinhole
-        cameras they have (:mod:`mvmatch.export.undistorted`); nothing where no model holds.
+        Write ``out/undistorted``: ``images`` without distortion, ``sparse/0`` with the pinhole
+        cameras they have, and ``masks`` where asked for (:mod:`mvmatch.export.undistorted`);
+        nothing where no model holds.
     fresh : bool
         Use nothing that an earlier run has made.
     progress : Progress, optional

@@ -18,7 +18,7 @@ from mvmatch.encode import EncodeResult, EncodingCheck
 from mvmatch.errors import BitstreamError, MvmatchError
 from mvmatch.export.colmap import DatabaseSummary
 from mvmatch.footage import Footage
-from mvmatch.matching import Match
+from mvmatch.match import Match
 from mvmatch.overlays import Overlays
 from mvmatch.sfm import (
     Attempt,

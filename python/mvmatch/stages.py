@@ -30,7 +30,7 @@ from mvmatch.sfm import (
     diagnose,
     reconstruct,
     status_of,
-    write_model,
+    write_models,
 )
 from mvmatch.store import is_table
 from mvmatch.types import Tracks
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from mvmatch.matching import Match
+    from mvmatch.match import Match
     from mvmatch.products import Facts
     from mvmatch.sfm import MapperOptions
     from mvmatch.state import State
@@ -285,6 +285,11 @@ def make_masks(state: State, folder: Path) -> Facts:
     return {}
 
 
+def load_masks(state: State, folder: Path, facts: Facts) -> None:  # noqa: ARG001
+    """Take the masks."""
+    state.mask_folder = folder / outputs.MASKS
+
+
 def load_nothing(state: State, folder: Path, facts: Facts) -> None:
     """Take nothing: the files alone are the product."""
 
@@ -310,13 +315,11 @@ def make_denser(state: State, folder: Path) -> Facts:
     state.tell("densify")
     assert state.model.reconstruction is not None
     tracks = Tracks.concatenate(state.tracks, state.match.further)
-    summary = densify(state.model.reconstruction, tracks, options=state.options.densify)
-    write_model(state.model.reconstruction, folder / outputs.MODEL)
-    for number, path in enumerate(state.model.further, 1):
-        part = pycolmap.Reconstruction(path)
-        densify(part, tracks, options=state.options.densify)
-        write_model(part, folder / outputs.MODEL, number)
-    return dataclasses.asdict(summary)
+    further = [pycolmap.Reconstruction(path) for path in state.model.further]
+    models = [state.model.reconstruction, *further]
+    summaries = [densify(model, tracks, options=state.options.densify) for model in models]
+    write_models(models, folder / outputs.MODEL)
+    return dataclasses.asdict(summaries[0])
 
 
 def load_denser(state: State, folder: Path, facts: Facts) -> None:
@@ -326,12 +329,13 @@ def load_denser(state: State, folder: Path, facts: Facts) -> None:
 
 
 def undistort(state: State, folder: Path) -> Facts:
-    """Write the pictures of the source without distortion, and the model that they fit."""
+    """Write pictures of the source and masks without distortion, and the model that they fit."""
     assert state.model.reconstruction is not None
     missing = len(state.match.skipped) or write_undistorted(
         state.model.reconstruction,
         state.source,
         folder / outputs.UNDISTORTED,
+        masks=state.mask_folder,
         progress=stage_progress(state.progress, "undistort"),
     )
     if missing:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mvmatch.config import RunOptions
     from mvmatch.encode import EncodeResult
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.matching import Match, Progress
+    from mvmatch.match import Match, Progress
     from mvmatch.sfm import DensifySummary, ReconstructionResult
     from mvmatch.types import Tracks
 
@@ -39,6 +39,8 @@ class State:
     match: Match = field(init=False)
     weights: NDArray[np.float64] | None = None
     """(T,) weight of each track of ``match``, low on moving objects; None: not computed."""
+    mask_folder: Path | None = None
+    """Masks of all pictures; None: not asked for."""
     database: Path = field(init=False)
     summary: DatabaseSummary = field(init=False)
     model: ReconstructionResult = field(init=False)

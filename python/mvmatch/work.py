@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FOLDER = ".work"
 """Name of the folder in that of the results."""
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Raised when a stage writes something else, or the same otherwise."""
 
 _RECORD = "stage.json"

@@ -142,6 +142,10 @@ def test_a_workspace_for_splatting_is_made_on_request(
     assert names == sorted(image.name for image in made.images.values())
     assert made.num_points3D() == model.num_points3D()
     assert np.mean([point.color.any() for point in made.points3D.values()]) > 0.99
+    assert not (workspace / "masks").exists()
+    assert main([*words, "--masks", "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
+    masks = sorted(path.name for path in (workspace / "masks").iterdir())
+    assert masks == [f"{name}.png" for name in names]
     words.remove("--undistort")
     assert main([*words, "--camera", "SIMPLE_RADIAL,260.48,176,100,-0.02"]) == 0
     assert not workspace.exists()

@@ -17,7 +17,8 @@ from mvmatch.bridge.descriptors import mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
 from mvmatch.footage import Footage
-from mvmatch.matching import Match, bridge_match
+from mvmatch.match import Match
+from mvmatch.matching import bridge_match
 from mvmatch.overlays import Overlays
 from mvmatch.sources import ReferenceStructure
 from mvmatch.types import Tracks, VideoInfo

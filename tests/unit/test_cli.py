@@ -50,6 +50,30 @@ def test_a_wrong_command_line_is_two_lines_and_exit_code_2(
     assert len(printed.err.splitlines()) == 2
 
 
+@pytest.mark.parametrize("more", [[], ["--data", "."]])
+@pytest.mark.parametrize(
+    ("word", "meant"), [("acuracy", "accuracy"), ("smf", "sfm"), ("confidences", "confidence")]
+)
+def test_a_mistyped_benchmark_is_named(
+    word: str, meant: str, more: list[str], capsys: CaptureFixture[str]
+) -> None:
+    assert main(["bench", word, *more]) == 2
+    printed = capsys.readouterr().err
+    assert f"Did you mean {meant}? Benchmarks: paper, accuracy, confidence, sfm" in printed
+
+
+def test_a_word_like_no_benchmark_gets_their_names(capsys: CaptureFixture[str]) -> None:
+    assert main(["bench", "frobnicate"]) == 2
+    printed = capsys.readouterr().err
+    assert "Did you mean" not in printed
+    assert "Benchmarks: paper, accuracy, confidence, sfm" in printed
+
+
+def test_a_missing_file_of_a_benchmark_is_named_as_one(capsys: CaptureFixture[str]) -> None:
+    assert main(["bench", "configs/none.toml", "--data", "."]) == 1
+    assert "configs/none.toml cannot be read" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("verb", ["probe", "extract", "track", "run"])
 @pytest.mark.parametrize("content", [b"", b"a text, not a video\n", b"\x89PNG\r\n\x1a\n\0\0\0\0"])
 def test_a_file_that_is_no_video_is_two_lines_and_exit_code_1(

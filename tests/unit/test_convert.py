@@ -33,6 +33,14 @@ def images(tmp_path):
     return folder
 
 
+def write_masks(folder):
+    folder.mkdir()
+    mask = pycolmap.Bitmap.from_array(np.full((120, 160), 255, np.uint8))
+    for name in NAMES:
+        assert mask.write(folder / f"{name}.png")
+    return folder
+
+
 def converted(capsys, *words) -> dict:
     capsys.readouterr()
     assert main(["convert", *map(str, words), "--json"]) == 0
@@ -67,14 +75,35 @@ def test_images_of_another_folder_are_named_in_transforms(stored, images, tmp_pa
 def test_masks_are_named_in_transforms(stored, images, tmp_path, capsys):
     out = tmp_path / "deep" / "out"
     words = [stored, out, "--to", "nerfstudio", "--images", images, "--masks", tmp_path / "masks"]
-    (tmp_path / "masks").mkdir()
-    for name in NAMES:
-        (tmp_path / "masks" / f"{name}.png").touch()
+    write_masks(tmp_path / "masks")
     converted(capsys, *words)
     document = json.loads((out / "transforms.json").read_text())
     paths = [out / frame["mask_path"] for frame in document["frames"]]
     assert [path.resolve().name for path in paths] == [f"{name}.png" for name in NAMES]
     assert all(path.is_file() for path in paths)
+
+
+def test_masks_of_an_undistorted_workspace_fit_in_nerfstudio(make_model, images, tmp_path, capsys):
+    lens = ("SIMPLE_RADIAL", [150.0, 81.0, 59.0, -0.25])
+    write_binary(make_model(NAMES, cameras=[lens]), tmp_path / "model")
+    masks, flat, out = write_masks(tmp_path / "masks"), tmp_path / "flat", tmp_path / "out"
+    words = ["--to", "undistorted", "--images", images, "--masks", masks]
+    converted(capsys, tmp_path / "model", flat, *words)
+    words = [flat / "sparse" / "0", out, "--to", "nerfstudio", "--images", flat / "images"]
+    converted(capsys, *words, "--masks", flat / "masks")
+    document = json.loads((out / "transforms.json").read_text())
+    assert (document["k1"], document["k2"]) == (0.0, 0.0)
+    assert len(document["frames"]) == len(NAMES)
+    for frame in document["frames"]:
+        picture, mask = (
+            pycolmap.Bitmap.read(out / frame[key], as_rgb=False)
+            for key in ("file_path", "mask_path")
+        )
+        assert picture.width == mask.width == document["w"] != 160
+        assert picture.height == mask.height == document["h"]
+    # Those of the pictures as they were do not.
+    assert main([str(word) for word in ["convert", *words, "--masks", masks]]) == 1
+    assert "are 160x120 px but the model's are" in capsys.readouterr().err
 
 
 def test_the_frames_of_a_video_are_written_for_nerfstudio(make_model, data, tmp_path, capsys):

@@ -27,6 +27,11 @@ CAMERAS = [
 ]
 
 
+def write_mask(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert pycolmap.Bitmap.from_array(np.full((120, 160), 255, np.uint8)).write(path)
+
+
 def project(document: dict, frame: dict, points: np.ndarray) -> np.ndarray:
     """(N, 2) px of points (N, 3) of the world, as nerfstudio sees them."""
     cv2 = pytest.importorskip("cv2")
@@ -101,8 +106,7 @@ def test_masks_are_found_from_the_file_and_belong_to_their_images(make_model, tm
     model = make_model(["b/2.png", "a/1.jpg"])
     masks, out = tmp_path / "masks", tmp_path / "deep" / "out"
     for name in ("b/2.png.png", "a/1.jpg.png"):
-        (masks / name).parent.mkdir(parents=True, exist_ok=True)
-        (masks / name).touch()
+        write_mask(masks / name)
     document = json.loads(write_nerfstudio(model, out, masks=masks).read_text())
     for frame in document["frames"]:
         name = frame["file_path"].removeprefix("images/")
@@ -113,7 +117,7 @@ def test_masks_are_found_from_the_file_and_belong_to_their_images(make_model, tm
 def test_an_image_without_a_mask_is_refused_since_nerfstudio_takes_all_or_none(
     make_model, tmp_path
 ):
-    (tmp_path / "frame_000000.png.png").touch()
+    write_mask(tmp_path / "frame_000000.png.png")
     with pytest.raises(DataError, match=r"no mask .*frame_000001\.png\.png"):
         write_nerfstudio(make_model(), tmp_path / "out", masks=tmp_path)
     assert not (tmp_path / "out").exists()

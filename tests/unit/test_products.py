@@ -15,7 +15,7 @@ from mvmatch import products
 from mvmatch.encode import EncodeResult, EncodingCheck
 from mvmatch.errors import BitstreamError, LimitError
 from mvmatch.export.colmap import DatabaseSummary
-from mvmatch.matching import Match, match_video
+from mvmatch.matching import match_video
 from mvmatch.overlays import Overlays
 from mvmatch.sfm import (
     Attempt,
@@ -31,6 +31,8 @@ from mvmatch.types import Tracks, TwoViewScore
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from mvmatch.match import Match
 
 TABLE = "tracks.parquet"
 

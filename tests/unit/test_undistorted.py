@@ -79,6 +79,22 @@ def write_video(model, path):
     return path
 
 
+def write_masks(model, folder):
+    """Masks of one bit, black on the spots: 0 and 1, of which COLMAP reads the 1 as white."""
+    for image in model.images.values():
+        path = folder / f"{image.name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        is_spot = photograph(true_spots(model, image))[..., 0] > COLOR[0] / 2
+        assert pycolmap.Bitmap.from_array(np.where(is_spot, 0, 1).astype(np.uint8)).write(path)
+    return folder
+
+
+def mask_of(folder, name):
+    mask = pycolmap.Bitmap.read(folder / "masks" / f"{name}.png", as_rgb=False)
+    assert mask.is_grey
+    return mask.to_array()
+
+
 def picture_of(folder, name):
     return pycolmap.Bitmap.read(folder / "images" / name, as_rgb=True).to_array()
 
@@ -160,6 +176,8 @@ def test_points_take_their_colours_from_the_pictures(scene, tmp_path):
 def test_pictures_of_a_pinhole_stay_as_they_are(scene, tmp_path):
     model = scene(("PINHOLE", [150.0, 148.0, 81.0, 59.0]))
     folder = write_folder(model, tmp_path / "in")
+    bright = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)  # up to its last row and column
+    assert pycolmap.Bitmap.from_array(bright).write(folder / "1.png")
     write_undistorted(model, folder, tmp_path / "out")
     made = read_model(tmp_path / "out" / "sparse" / "0")
     np.testing.assert_array_equal(made.camera(1).params, model.camera(1).params)
@@ -183,6 +201,55 @@ def test_two_cameras_and_names_in_folders_keep_apart(make_model, tmp_path):
         assert sizes[image.name] == (image.camera.width, image.camera.height)
 
 
+@pytest.mark.parametrize("lens", LENSES)
+def test_masks_hide_in_the_written_pictures_what_they_hid_before(lens, scene, tmp_path):
+    model, out = scene(lens, names=("a/0.png", "b/1.png", "b/2.png")), tmp_path / "out"
+    masks = write_masks(model, tmp_path / "masks")
+    write_undistorted(model, write_folder(model, tmp_path / "in"), out, masks=masks)
+    made, compared = read_model(out / "sparse" / "0"), 0
+    for image in made.images.values():
+        mask, picture = mask_of(out, image.name), picture_of(out, image.name)
+        assert mask.shape == picture.shape[:2] == (image.camera.height, image.camera.width)
+        assert set(np.unique(mask)) == {0, 255}
+        # The edge of a spot, half as bright as its centre, is true to a pixel: 0.3 of that.
+        brightness = picture[..., 0] / COLOR[0]
+        assert (mask[brightness > 0.8] == 0).all()
+        assert (mask[brightness < 0.2] == 255).all()
+        for x, y in lone_spots(true_spots(made, image)).astype(int):
+            assert mask[y, x] == 0
+            compared += 1
+    assert compared >= 5
+    names = [path.relative_to(out).as_posix() for path in (out / "masks").rglob("*.png")]
+    assert sorted(names) == [f"masks/{name}.png" for name in ("a/0.png", "b/1.png", "b/2.png")]
+
+
+def test_masks_of_a_pinhole_stay_as_they_are(scene, tmp_path):
+    model = scene(("PINHOLE", [150.0, 148.0, 81.0, 59.0]))
+    masks = write_masks(model, tmp_path / "masks")
+    write_undistorted(model, write_folder(model, tmp_path / "in"), tmp_path / "out", masks=masks)
+    for image in model.images.values():
+        given = pycolmap.Bitmap.read(masks / f"{image.name}.png", as_rgb=False).to_array()
+        np.testing.assert_array_equal(mask_of(tmp_path / "out", image.name), 255 * given)
+
+
+@pytest.mark.parametrize("fault", ["missing", "of another size", "no picture"])
+def test_nothing_is_left_where_a_mask_does_not_fit(fault, scene, tmp_path):
+    model = scene()
+    masks = write_masks(model, tmp_path / "masks")
+    mask = masks / "1.png.png"
+    if fault == "missing":
+        mask.unlink()
+    elif fault == "no picture":
+        mask.write_bytes(b"text")
+    else:
+        pycolmap.Bitmap.from_array(np.zeros((60, 80), np.uint8)).write(mask)
+    with pytest.raises(DataError, match=r"1\.png\.png"):
+        write_undistorted(
+            model, write_folder(model, tmp_path / "in"), tmp_path / "out", masks=masks
+        )
+    assert list((tmp_path / "out").iterdir()) == []
+
+
 def test_images_without_a_picture_are_not_in_the_model(scene, tmp_path):
     model = scene(names=tuple(f"{frame}.png" for frame in range(5)))
     folder = write_folder(model, tmp_path / "in")
@@ -204,13 +271,14 @@ def test_nothing_is_left_of_pictures_that_cannot_be_read(scene, tmp_path):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@pytest.mark.parametrize("taken", ["images", "sparse"])
+@pytest.mark.parametrize("taken", ["images", "masks", "sparse"])
 def test_what_is_there_is_not_replaced(taken, scene, tmp_path):
     model = scene()
     folder = write_folder(model, tmp_path / "images")
+    masks = write_masks(model, tmp_path / "given")
     (tmp_path / "out" / taken).mkdir(parents=True)
     with pytest.raises(DataError, match=f"{taken} is there already"):
-        write_undistorted(model, folder, tmp_path / "out")
+        write_undistorted(model, folder, tmp_path / "out", masks=masks)
     with pytest.raises(DataError, match="images is there already"):
         write_undistorted(model, folder, Path(tmp_path))
 

@@ -17,12 +17,14 @@ from mvmatch.baselines import (
 )
 from mvmatch.baselines.images import require_opencv
 from mvmatch.bench.front_ends import ENCODERS, PRESETS, SOURCES, Clip, encoded_stream
+from mvmatch.bench.inspect_tool import inspect_fields, missing_inspect
 from mvmatch.bench.matches import MAX_GAP, KeypointMatches, Matches, TrackMatches
 from mvmatch.colmap_log import quiet_colmap
 from mvmatch.config import RunOptions
 from mvmatch.encode import EncodeOptions
 from mvmatch.encode.status import encoder_status
 from mvmatch.errors import DataError, MissingExtraError
+from mvmatch.footage import FootageObserver
 from mvmatch.learned import (
     LightGlueModel,
     SuperGlueModel,
@@ -33,6 +35,7 @@ from mvmatch.learned import (
 from mvmatch.matching import bridge_match, match_video, open_source
 from mvmatch.measure import StageClock
 from mvmatch.sources import ReadOptions
+from mvmatch.tracks import chain_fields
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -129,6 +132,43 @@ class VectorMethod:
     def sources(self) -> tuple[str, ...]:
         """Modules that the result depends on."""
         return SOURCES["vectors"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InspectMethod(VectorMethod):
+    """The same vectors as libaom's ``inspect`` prints them: the paper's extractor, and its cost."""
+
+    def unavailable(self) -> str | None:
+        """Look for the program, and try the encoder."""
+        return missing_inspect() or super().unavailable()
+
+    def run(self, clip: Clip, timeline: Timeline, threads: int) -> Matches:
+        """Chain the vectors that the program prints; headers are read before, by mvmatch."""
+        options = RunOptions.preset(self.preset).track
+        stream, _ = encoded_stream(clip, self.encode)
+        with open_source(stream, ReadOptions(threads=threads)) as source:
+            deque(source, maxlen=0)
+        observer = FootageObserver()
+        with timeline.stage(MATCH):
+            fields = inspect_fields(stream, source.frames, source.info)
+            tracks, _ = chain_fields(observer.watch(fields), options=options)
+            tracks, _ = observer.clean(tracks, min_length=options.min_length)
+        return TrackMatches(tracks)
+
+    def reading(self, clip: Clip, threads: int) -> dict[str, float]:
+        """Read what the program prints and do nothing with it."""
+        stream, _ = encoded_stream(clip, self.encode)
+        with open_source(stream, ReadOptions(threads=threads)) as source:
+            deque(source, maxlen=0)
+        clock = StageClock()
+        with clock.stage(PREPROCESS):
+            deque(inspect_fields(stream, source.frames, source.info), maxlen=0)
+        return {"wall_s": clock.stages[0].wall_s, "cpu_s": clock.stages[0].cpu_s}
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules that the result depends on."""
+        return *super().sources, "bench/inspect_tool.py"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,6 +297,7 @@ METHODS: dict[str, Method] = {
         for encoder, options in {**ENCODERS, **_HARDWARE}.items()
         for preset in PRESETS
     },
+    "inspect-paper": InspectMethod(encode=ENCODERS["libaom-rt"], preset="paper"),
     "sift": SiftMethod(options=SiftOptions(overlap=MAX_GAP, quadratic_overlap=False, verify=False)),
     "sift-exhaustive": SiftMethod(options=SiftOptions(pairing="exhaustive", verify=False)),
     "klt": TrackerMethod("klt"),

@@ -57,7 +57,7 @@ def convert(
         Folder of the images, or the video: colours the points. For undistorted it has to be given;
         for nerfstudio the frames of a video are written to OUT/images.
     masks
-        For nerfstudio: folder of masks, such as out/masks of `mvmatch run --masks`.
+        For undistorted and nerfstudio: folder of masks, such as out/masks of `mvmatch run --masks`.
     timestamps
         For tum: the video, or a text file with the time of each frame in s.
     fps
@@ -78,7 +78,8 @@ def convert(
         tell("write", 0, None)
         if to == "undistorted":
             assert images is not None
-            facts = _write_undistorted(found, out, images, functools.partial(tell, "undistort"))
+            progress = functools.partial(tell, "undistort")
+            facts = _write_undistorted(found, out, images, masks, progress)
         else:
             facts = _write(
                 found, out, to, images=images, masks=masks, timestamps=timestamps, fps=fps
@@ -115,8 +116,8 @@ def _check_words(
     timestamps: Path | None,
     fps: float | None,
 ) -> None:
-    if to != "nerfstudio" and masks is not None:
-        raise UsageError("--masks is for --to nerfstudio")
+    if to not in {"undistorted", "nerfstudio"} and masks is not None:
+        raise UsageError("--masks is for --to undistorted and --to nerfstudio")
     if to != "tum" and (timestamps is not None or fps is not None):
         raise UsageError("--timestamps and --fps are for --to tum")
     if timestamps is not None and fps is not None:
@@ -183,11 +184,12 @@ def _write_undistorted(
     model: pycolmap.Reconstruction,
     out: Path,
     images: Path,
+    masks: Path | None,
     progress: Callable[[int, int | None], None],
 ) -> dict[str, Any]:
     from mvmatch.export.undistorted import write_undistorted
 
-    return {"missing": write_undistorted(model, images, out, progress=progress)}
+    return {"missing": write_undistorted(model, images, out, masks=masks, progress=progress)}
 
 
 def _write_nerfstudio(

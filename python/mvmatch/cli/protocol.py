@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from mvmatch.cli.console import Outcome
 from mvmatch.cli.settings import Json, Output
@@ -14,8 +17,24 @@ if TYPE_CHECKING:
     from mvmatch.bench.protocol import ProtocolCell
 
 
+def _require_config(_: type, path: Path) -> None:
+    """Refuse a word that is no file: where a verb was meant, name it."""
+    if path.exists() or path.suffix or len(path.parts) > 1:
+        return  # what is wrong with a file is said where it is read
+    from mvmatch.cli.bench import app
+
+    verbs = [name for name in app if not name.startswith("-")]
+    near = difflib.get_close_matches(path.name, verbs, n=1)
+    meant = f" Did you mean {near[0]}?" if near else ""
+    message = (
+        f"There is no benchmark and no file {path}.{meant} "
+        f"Benchmarks: {', '.join(verbs)}, or a TOML file such as configs/paper.toml"
+    )
+    raise ValueError(message)
+
+
 def paper(
-    config: Path,
+    config: Annotated[Path, Parameter(validator=_require_config)],
     /,
     *,
     data: list[Path],

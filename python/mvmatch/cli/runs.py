@@ -64,8 +64,8 @@ def run(
     masks
         Write masks for COLMAP: moving objects and static overlays black.
     undistort
-        Write OUT/undistorted for splatting and dense matching: images without distortion, and
-        sparse/0 with their pinhole cameras.
+        Write OUT/undistorted for splatting and dense matching: images without distortion, with
+        --masks their masks, and sparse/0 with their pinhole cameras.
     fresh
         Start over: use nothing that an earlier run into the same folder has finished.
     print_config

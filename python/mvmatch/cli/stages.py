@@ -33,7 +33,8 @@ def probe(
     clip
         An AV1 video, or a motion table.
     """
-    from mvmatch.matching import open_source, skipped_warnings
+    from mvmatch.match import skipped_warnings
+    from mvmatch.matching import open_source
     from mvmatch.sources import ReferenceStructure, UntilDamage
 
     structure = ReferenceStructure()
@@ -120,7 +121,7 @@ def extract(
     table
         The Parquet file to write.
     """
-    from mvmatch.matching import skipped_warnings
+    from mvmatch.match import skipped_warnings
     from mvmatch.sources import ReferenceStructure, UntilDamage, open_video
     from mvmatch.store import write_motion
 

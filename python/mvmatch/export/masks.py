@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mvmatch.cells import CELL, grid_shape
-from mvmatch.errors import cannot_write
+from mvmatch.errors import DataError, cannot_write
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,7 @@ def write_masks(
     DataError
         The folder cannot be written.
     """
-    paths = [folder / f"{name}.png" for name in image_names]
+    paths = [folder / mask_name(name) for name in image_names]
     try:
         for frame, path in enumerate(paths):
             hidden = moving_cells(tracks, moving, frame, size)
@@ -76,6 +76,26 @@ def write_masks(
     except OSError as error:
         raise cannot_write(folder, error) from error
     return paths
+
+
+def mask_name(image_name: str) -> str:
+    """Return COLMAP's name of the mask of an image.
+
+    >>> mask_name("left/000012.jpg")
+    'left/000012.jpg.png'
+    """
+    return f"{image_name}.png"
+
+
+def mask_of(image_name: str, folder: Path) -> Path:
+    """Return the mask of an image in a folder; none is a :class:`DataError`."""
+    path = folder / mask_name(image_name)
+    if not path.is_file():
+        raise DataError(
+            f"there is no mask {path}: either every image has one, or none is used. "
+            "Give the folder that `mvmatch run --masks` wrote for this model"
+        )
+    return path
 
 
 def moving_cells(

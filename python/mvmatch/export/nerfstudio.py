@@ -19,7 +19,9 @@ import numpy as np
 
 from mvmatch.errors import DataError
 from mvmatch.export.files import make_folder, write_file
+from mvmatch.export.masks import mask_of
 from mvmatch.export.model import registered_images
+from mvmatch.export.pictures import read_mask
 from mvmatch.export.points import write_ply
 
 if TYPE_CHECKING:
@@ -74,17 +76,21 @@ def write_nerfstudio(
     Raises
     ------
     DataError
-        nerfstudio has no such camera model, the folder cannot be written, or an image has no mask:
-        nerfstudio takes masks for all or none.
+        nerfstudio has no such camera model, the folder cannot be written, an image has no mask
+        (nerfstudio takes masks for all or none), or masks have not the size of the images.
     """
     content = _intrinsics(model)
     shared = "fl_x" in content
     place = Path(IMAGES) if images is None else Path(os.path.relpath(images, folder))
+    seen = registered_images(model)
+    if masks is not None:  # one is looked at: those of a folder were made together
+        read_mask(mask_of(seen[0].name, masks), model.camera(seen[0].camera_id))
     frames: list[dict[str, Any]] = []
-    for image in registered_images(model):
+    for image in seen:
         frame: dict[str, Any] = {"file_path": (place / image.name).as_posix()}
         if masks is not None:
-            frame["mask_path"] = _mask_path(masks, image.name, folder)
+            mask = mask_of(image.name, masks)
+            frame["mask_path"] = Path(os.path.relpath(mask, folder)).as_posix()
         if not shared:
             frame |= _camera(model.camera(image.camera_id))
         frames.append(frame | {"transform_matrix": _transform_matrix(image)})
@@ -95,17 +101,6 @@ def write_nerfstudio(
     path = folder / "transforms.json"
     write_file(path, json.dumps({**content, "frames": frames}, indent=2, allow_nan=False) + "\n")
     return path
-
-
-def _mask_path(masks: Path, name: str, folder: Path) -> str:
-    """Return where the mask of an image is, relative to a folder."""
-    mask = masks / f"{name}.png"
-    if not mask.is_file():
-        raise DataError(
-            f"there is no mask {mask}, and nerfstudio takes masks for all images or none. "
-            "Give the folder that `mvmatch run --masks` wrote for this model"
-        )
-    return Path(os.path.relpath(mask, folder)).as_posix()
 
 
 def _transform_matrix(image: pycolmap.Image) -> list[list[float]]:

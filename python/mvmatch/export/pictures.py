@@ -68,9 +68,28 @@ def images_there(model: pycolmap.Reconstruction, folder: Path) -> list[pycolmap.
 
 def read_picture(path: Path) -> pycolmap.Bitmap:
     """Read a picture as red, green and blue; what is none is a :class:`DataError`."""
+    return _read(path, as_rgb=True)
+
+
+def read_mask(path: Path, camera: pycolmap.Camera) -> pycolmap.Bitmap:
+    """Read a mask as COLMAP takes it: what is not black is white, 255.
+
+    Raises
+    ------
+    DataError
+        It is no picture, or has not the size of the camera.
+    """
     import pycolmap
 
-    picture = pycolmap.Bitmap.read(path, as_rgb=True)
+    mask = _read(path, as_rgb=False)
+    check_size(camera, (mask.width, mask.height), path)
+    return pycolmap.Bitmap.from_array(np.where(mask.to_array(), 255, 0).astype(np.uint8))
+
+
+def _read(path: Path, *, as_rgb: bool) -> pycolmap.Bitmap:
+    import pycolmap
+
+    picture = pycolmap.Bitmap.read(path, as_rgb=as_rgb)
     if picture is None:
         raise DataError(f"{path} is not an image COLMAP can read. Replace it")
     return picture

@@ -1,4 +1,4 @@
-"""Undistorted pictures and their model, laid out as splatting and dense matching read them.
+"""Undistorted pictures, masks and their model, as splatting and dense matching read them.
 
 A splat renders with pinhole cameras, and so do most programs for dense matching: the distortion of
 the lens has to go from the pictures first. ``colmap image_undistorter`` does that to files; here
@@ -21,8 +21,9 @@ from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import DataError, cannot_write
 from mvmatch.export.colors import blacken, frames_that_see_all
 from mvmatch.export.files import make_folder
+from mvmatch.export.masks import mask_name, mask_of
 from mvmatch.export.model import registered_images, write_binary
-from mvmatch.export.pictures import model_pictures, safe_name, write_picture
+from mvmatch.export.pictures import model_pictures, read_mask, safe_name, write_picture
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 IMAGES = "images"
 """Folder of the undistorted pictures."""
 
+MASKS = "masks"
+"""Folder of the undistorted masks, where there are any."""
+
 SPARSE = "sparse"
 """Folder of the model ``0``, where 3D Gaussian splatting and its kin look for it."""
 
@@ -42,9 +46,12 @@ def write_undistorted(
     pictures: Path,
     folder: Path,
     *,
+    masks: Path | None = None,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> int:
     """Write ``images/`` without distortion, and ``sparse/0`` with the pinhole cameras they have.
+
+    Masks go to ``masks/`` and fit the images there pixel by pixel.
 
     Parameters
     ----------
@@ -55,7 +62,10 @@ def write_undistorted(
         Folder that the image names are relative to, or the video whose frame numbers they carry.
         One picture is in memory at a time.
     folder : Path
-        Made if missing; both folders appear in it when they are complete.
+        Made if missing; the folders appear in it when they are complete.
+    masks : Path, optional
+        Folder of masks as COLMAP names them, ``NAME.png`` for the image ``NAME``: black where it is
+        not to be looked at.
     progress : callable, optional
         Told after each picture.
 
@@ -67,10 +77,11 @@ def write_undistorted(
     Raises
     ------
     DataError
-        ``folder`` has such folders already; no picture is there, they cannot be read or have not
-        the size of the model's cameras; or they cannot be written under their names.
+        ``folder`` has such folders already; no picture is there, a mask is not, they cannot be read
+        or have not the size of the model's cameras; or they cannot be written under their names.
     """
-    for name in (IMAGES, SPARSE):
+    parts = (IMAGES, SPARSE) if masks is None else (IMAGES, MASKS, SPARSE)
+    for name in parts:
         if (folder / name).exists():
             raise DataError(f"{folder / name} is there already. Choose another folder")
     make_folder(folder)
@@ -79,8 +90,10 @@ def write_undistorted(
         with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name, quiet_colmap():
             unfinished = Path(name)
             missing = _write_pictures(model, made, pictures, unfinished / IMAGES, progress)
+            if masks is not None:
+                _write_masks(model, made, masks, unfinished / MASKS)
             write_binary(made, unfinished / SPARSE / "0")
-            for part in (IMAGES, SPARSE):
+            for part in parts:
                 (unfinished / part).replace(folder / part)
     except OSError as error:
         raise cannot_write(folder, error) from error
@@ -137,8 +150,6 @@ def _write_pictures(
     progress: Callable[[int, int | None], None] | None,
 ) -> int:
     """Write the pictures without distortion; colour the points, drop images without a picture."""
-    import pycolmap
-
     missing = {image.image_id: image.frame_id for image in registered_images(made)}
     positions = {number: position for position, number in enumerate(missing)}
     numbers = list(positions)
@@ -146,8 +157,7 @@ def _write_pictures(
     blacken(made)
     for image, picture in model_pictures(model, pictures):
         camera = model.camera(image.camera_id)
-        flat, _ = pycolmap.undistort_image(pycolmap.UndistortCameraOptions(), picture, camera)
-        write_picture(flat, folder / safe_name(image.name))
+        write_picture(_undistorted(picture, camera), folder / safe_name(image.name))
         if image.image_id in colouring:
             made.extract_colors_for_image(image.image_id, folder)
         del missing[image.image_id]
@@ -156,3 +166,27 @@ def _write_pictures(
     for frame in set(missing.values()):
         made.deregister_frame(frame)
     return len(missing)
+
+
+def _write_masks(
+    model: pycolmap.Reconstruction, made: pycolmap.Reconstruction, masks: Path, folder: Path
+) -> None:
+    """Write the masks of the images of an undistorted model, by the same warp as the pictures."""
+    import pycolmap
+
+    for image in registered_images(made):
+        camera = model.camera(image.camera_id)
+        mask = read_mask(mask_of(image.name, masks), camera)
+        # COLMAP interpolates; a mask is black or white.
+        sharp = np.where(_undistorted(mask, camera).to_array() > 127, 255, 0).astype(np.uint8)
+        write_picture(pycolmap.Bitmap.from_array(sharp), folder / safe_name(mask_name(image.name)))
+
+
+def _undistorted(picture: pycolmap.Bitmap, camera: pycolmap.Camera) -> pycolmap.Bitmap:
+    """Return the picture as the pinhole camera of :func:`undistorted_model` sees it."""
+    import pycolmap
+
+    if camera.model_name in {"SIMPLE_PINHOLE", "PINHOLE"}:
+        return picture  # the warp would blacken its last row and column
+    flat, _ = pycolmap.undistort_image(pycolmap.UndistortCameraOptions(), picture, camera)
+    return flat

@@ -3,7 +3,7 @@
 from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
 from mvmatch.sfm.densify import DensifyOptions, DensifySummary, densify
 from mvmatch.sfm.diagnosis import diagnose
-from mvmatch.sfm.files import write_model
+from mvmatch.sfm.files import foreign_models, write_model, write_models
 from mvmatch.sfm.findings import Diagnosis, Finding, status_of
 from mvmatch.sfm.keyframes import KeyframeOptions, choose_keyframes
 from mvmatch.sfm.localize import LocalizeOptions, Unregistered
@@ -28,7 +28,9 @@ __all__ = [
     "choose_keyframes",
     "densify",
     "diagnose",
+    "foreign_models",
     "reconstruct",
     "status_of",
     "write_model",
+    "write_models",
 ]

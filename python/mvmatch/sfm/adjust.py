@@ -1,8 +1,9 @@
 """Final bundle adjustment with a robust loss, and what becomes of the camera in it.
 
-Points carried over many frames have heavy-tailed errors: a Cauchy loss lowers the trajectory error
-of every rendered sequence by a factor of 1.1 to 2.4. The camera is refined here, on the whole
-model, and never before: refining it from the first pair on collapses such databases to two images.
+Points carried over many frames have heavy-tailed errors, which a Cauchy loss weighs down; its scale
+is chosen in docs/decisions/0014-tight-bounds-tight-loss.md. The camera is refined here, on the
+whole model, and never before: refining it from the first pair on collapses such databases to two
+images.
 """
 
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false

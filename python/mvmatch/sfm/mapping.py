@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mvmatch.colmap_log import quiet_colmap
+from mvmatch.errors import DataError
 from mvmatch.sfm.attempts import Attempts
 from mvmatch.sfm.breaks import hopeless
 from mvmatch.sfm.complete import complete
 from mvmatch.sfm.evidence import read_evidence
-from mvmatch.sfm.files import check_database, write_model
+from mvmatch.sfm.files import check_database, foreign_models, write_models
 from mvmatch.sfm.keyframes import select_keyframes
 from mvmatch.sfm.localize import unmapped
 from mvmatch.sfm.options import MapperOptions
@@ -61,7 +62,8 @@ def reconstruct(
         COLMAP database with two-view geometries; it is not changed.
     out : Path
         Folder for models; the accepted one is written to ``out/0``, those of further parts to
-        ``out/1`` and so on. Nothing is written without.
+        ``out/1`` and so on. Models that an earlier run left there are removed, also where no model
+        holds now.
     options : MapperOptions, optional
         Mapper, intrinsics, acceptance.
 
@@ -73,12 +75,19 @@ def reconstruct(
     Raises
     ------
     DataError
-        The file is not a COLMAP database, or ``out`` cannot be written.
+        The file is not a COLMAP database, ``out`` holds models of another program, or cannot be
+        written.
     FileNotFoundError
         There is no such database.
     """
     options = options or MapperOptions()
     check_database(database)
+    foreign = foreign_models(out)
+    if foreign:
+        raise DataError(
+            f"{foreign[0]} holds a model that mvmatch did not write: it would be replaced, or be "
+            "taken for a part of the new one. Choose another folder"
+        )
     with tempfile.TemporaryDirectory(prefix="mvmatch-sfm-") as folder, quiet_colmap():
         # A copy: even reading changes a database, and refined cameras are written into it.
         copy = Path(folder) / "database.db"
@@ -93,17 +102,10 @@ def reconstruct(
             evidence=read_evidence(mapped),
             options=options,
         )
-        reason = hopeless(sequence.evidence)
-        if reason is not None:
-            return sequence.result(None, reasons=(reason,))
-        best, parts = sequence.map()
-        if best is None:
-            return sequence.result(None, reasons=("the mapper made no model",))
-        if not parts:
-            return sequence.result(best, reasons=best.check.reasons)
-        paths = [write_model(part.model, out, number) for number, part in enumerate(parts)]
-        result = sequence.result(parts[0], reasons=())
-        return dataclasses.replace(result, path=paths[0], further=tuple(paths[1:]))
+        result, parts = sequence.reconstruct()
+        paths = write_models([part.model for part in parts], out)
+    path = paths[0] if paths else None
+    return dataclasses.replace(result, path=path, further=tuple(paths[1:]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,7 +138,19 @@ class _Sequence:
         """Images of the database."""
         return self.evidence.num_images if self.selection is None else self.selection.num_images
 
-    def map(self) -> tuple[_Part | None, list[_Part]]:
+    def reconstruct(self) -> tuple[ReconstructionResult, list[_Part]]:
+        """Return what came of the sequence, and the parts to be delivered, the largest first."""
+        reason = hopeless(self.evidence)
+        if reason is not None:
+            return self._result(None, reasons=(reason,)), []
+        best, parts = self._map()
+        if best is None:
+            return self._result(None, reasons=("the mapper made no model",)), []
+        if not parts:
+            return self._result(best, reasons=best.check.reasons), []
+        return self._result(parts[0], reasons=()), parts
+
+    def _map(self) -> tuple[_Part | None, list[_Part]]:
         """Return the best model of the whole, and the parts that hold, the largest first."""
         whole = self._map_part(self.evidence)
         if whole is None:
@@ -196,8 +210,8 @@ class _Sequence:
         check = attempts.checked(model, num_images=selection.num_images)
         return _Part(evidence=evidence, model=model, check=check, unregistered=unregistered)
 
-    def result(self, part: _Part | None, *, reasons: tuple[str, ...]) -> ReconstructionResult:
-        """Return what came of the sequence; no model is written yet."""
+    def _result(self, part: _Part | None, *, reasons: tuple[str, ...]) -> ReconstructionResult:
+        """Describe the model of a part; it is not written yet."""
         check = None if part is None else part.check
         return ReconstructionResult(
             reconstruction=None if part is None else part.model,
