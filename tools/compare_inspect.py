@@ -106,7 +106,7 @@ def disagreement(path: Path, layers: list[str]) -> str | None:
         mvmatch.open_video(path, threads=1) as video,
     ):
         assert process.stdout is not None
-        frames = inspect_json.motion(inspect_json.loaded(process.stdout))
+        frames = inspect_json.motion(inspect_json.frames_of(process.stdout))
         for field, (mv, names) in zip(video, frames, strict=True):
             ours, references = rasterize(field, *names.shape[:2])
             is_inter = names > 0

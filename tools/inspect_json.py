@@ -15,7 +15,6 @@ with Python's garbage collector off: it would look through millions of short lis
 from __future__ import annotations
 
 import argparse
-import contextlib
 import gc
 import json
 import os
@@ -24,6 +23,8 @@ import time
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
+
+from mvmatch.bench.inspect_tool import dense, frames_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,32 +41,6 @@ def streamed(source: IO[bytes]) -> Iterator[dict[str, Any]]:
 
     # The last item is null.
     yield from filter(None, ijson.items(source, "item"))
-
-
-def loaded(source: IO[bytes]) -> Iterator[dict[str, Any]]:
-    """Frames through json.loads: a line ``},`` ends each."""
-    text = bytearray()
-    for line in source:
-        text += line
-        if line.rstrip() in {b"},", b"}"}:
-            yield json.loads(text.strip(b"[,\n "))
-            text.clear()
-
-
-def dense(rows: list[list[list[int]]], width: int) -> NDArray[np.int16]:
-    """(H, W, width) values; runs are unrolled."""
-    if all(len(row) == len(rows[0]) for row in rows) and len(rows[0][-1]) == width:
-        with contextlib.suppress(ValueError):  # a run somewhere: the shape is not regular
-            return np.array(rows, np.int16)
-    return np.array([unrolled(row) for row in rows], np.int16)
-
-
-def unrolled(row: list[list[int]]) -> list[list[int]]:
-    """Put the cells that ``-x`` leaves out into a row."""
-    cells: list[list[int]] = []
-    for item in row:
-        cells.extend([cells[-1]] * item[0] if len(item) == 1 else [item])
-    return cells
 
 
 def motion(frames: Iterator[dict[str, Any]]) -> Iterator[list[NDArray[np.int16]]]:
@@ -86,7 +61,7 @@ def main() -> None:
     else:
         import ijson  # noqa: F401 - its import belongs to the start
     start = time.process_time()
-    read = loaded if options.fast else streamed
+    read = frames_of if options.fast else streamed
     with sys.stdin.buffer if options.source == "-" else open(options.source, "rb") as source:  # noqa: PTH123
         fields = list(motion(read(source)))
     print(json.dumps({"frames": len(fields), "start": start}), flush=True)

@@ -1,10 +1,10 @@
 """The paper's own extractor: libaom's ``inspect`` and its JSON, as motion fields.
 
-The JSON is an array with an object for each coded frame, in coded order; a layer is a list of rows
-of 4x4 px cells. A cell of ``motionVectors`` is ``[dx0, dy0, dx1, dy1]`` in 1/8 px, one of
-``referenceFrame`` two names (-1 none, 0 intra, 1 to 7 LAST to ALTREF), one of ``blockSize`` a number
-(AV1 specification, section 6.10.4). With ``-x`` an item ``[n]`` of a row repeats the cell before it
-n times.
+The JSON is an array with an object for each coded frame, in coded order; a layer is a list of
+rows of 4x4 px cells. A cell of ``motionVectors`` is ``[dx0, dy0, dx1, dy1]`` in 1/8 px, one of
+``referenceFrame`` two names (-1 none, 0 intra, 1 to 7 LAST to ALTREF), one of ``blockSize`` a
+number (AV1 specification, section 6.10.4). With ``-x`` an item ``[n]`` of a row repeats the cell
+before it n times.
 
 It names references but not the pictures they stand for, nor when frames are shown: that is taken
 from the headers as :mod:`mvmatch.sources` reads them. Its rows lack the columns that the paper does
@@ -93,14 +93,14 @@ def inspect_fields(
     with tempfile.TemporaryFile() as said, _running(stream, said) as process:
         assert process.stdout is not None
         try:
-            for number, frame in enumerate(frames_of(process.stdout)):  # noqa: B007
+            for frame in frames_of(process.stdout):
                 yield _field(frame, coded[number], info)
+                number += 1
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise DataError(
                 f"{PROGRAM} printed something else than was expected at frame {number} of {stream} "
                 f"({type(error).__name__}: {error}). Is it libaom's, and the stream complete?"
             ) from error
-        number += 1
         if process.wait() or number < len(coded):
             said.seek(0)
             words = said.read().decode(errors="replace").strip() or "it did not say why"
@@ -144,7 +144,11 @@ def _unrolled(row: list[Any]) -> list[Any]:
     """Put the cells that ``-x`` leaves out into a row."""
     cells: list[Any] = []
     for item in row:
-        cells.extend([cells[-1]] * item[0] if isinstance(item, list) and len(item) == 1 else [item])
+        match item:
+            case [count]:
+                cells.extend([cells[-1]] * count)
+            case _:
+                cells.append(item)
     return cells
 
 
@@ -163,10 +167,9 @@ def _field(frame: dict[str, Any], header: FrameFacts, info: VideoInfo) -> Motion
     """One row per block and reference, blocks row by row."""
     sizes = _BLOCK_SIZES[np.array([_unrolled(row) for row in frame["blockSize"]], np.int16)]
     vectors, references = (dense(frame[name], width) for name, width in _WIDTHS.items())
-    y, x = np.indices(sizes.shape[:2], np.int32) * CELL
-    # Every block lies at a multiple of its own size.
-    first = (x % sizes[..., 0] == 0) & (y % sizes[..., 1] == 0)
-    blocks = np.stack([x[first], y[first], *sizes[first].T], axis=1)
+    corners = np.moveaxis(np.indices(sizes.shape[:2], np.int32), 0, -1)[..., ::-1] * CELL
+    first = np.all(corners % sizes == 0, axis=-1)  # every block lies at a multiple of its size
+    blocks = np.concatenate([corners[first], sizes[first]], axis=1)
     named = references[first].ravel()
     block, mv = np.repeat(blocks, 2, axis=0), vectors[first].reshape(-1, 2)
     pictures = np.array([-1, *(header.ref_display_index or (-1,) * 7)], np.int32)
@@ -182,7 +185,7 @@ def _field(frame: dict[str, Any], header: FrameFacts, info: VideoInfo) -> Motion
         is_key=header.frame_type in {"KEY", "INTRA_ONLY"},
         is_shown=header.is_shown,
         block=block[kept],
-        mv=mv[kept].astype(np.float32) / 8,
+        mv=mv[kept].astype(np.float32) / np.float32(8),
         ref_frame=ref_frame[kept],
         flags=np.zeros(count, np.uint16),
         segment_id=np.zeros(count, np.uint8),
