@@ -211,7 +211,7 @@ def test_tracks_are_counted_where_they_lead_on():
 def _any_share():
     from mvmatch.sfm import AcceptanceOptions
 
-    return AcceptanceOptions(min_registered=0.3, min_observations=0.1)
+    return AcceptanceOptions(min_registered=0.3, min_observations=0.1, min_part=0.5)
 
 
 def _impossible():

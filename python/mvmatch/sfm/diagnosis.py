@@ -325,12 +325,15 @@ def _repeats(footage: Footage) -> list[Finding]:
 
 
 def _unregistered(result: ReconstructionResult) -> list[Finding]:
+    import pycolmap
+
     model = result.reconstruction
     if model is None:
         return []
     missing = np.ones(result.total + 1, np.bool_)
-    missing[[image - 1 for image in model.reg_image_ids()]] = False
     missing[-1] = False
+    for each in (model, *map(pycolmap.Reconstruction, result.further)):
+        missing[[image - 1 for image in each.reg_image_ids()]] = False
     parts = runs(missing)
     if not parts:
         return []
@@ -338,7 +341,9 @@ def _unregistered(result: ReconstructionResult) -> list[Finding]:
         Finding(
             code="unregistered",
             frames=tuple(parts),
-            sentence=f"The pictures {named_parts(parts)} are not in the model.",
+            sentence=f"The pictures {named_parts(parts)} are in no model."
+            if result.further
+            else f"The pictures {named_parts(parts)} are not in the model.",
             advice="Reconstruct them as a video, or folder of pictures, of their own."
             if max(last - first for first, last in parts) >= MIN_PART
             else "Too few good matches reach them: a better quality may give more "
