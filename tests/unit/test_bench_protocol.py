@@ -61,7 +61,9 @@ def result(**changes):
         "encoding": {"seconds": 2.0, "cpu_seconds": 1.5, "num_bytes": 2000},
         "stages": stages, "reading": {"wall_s": 1.0, "cpu_s": 0.5}, "model": None,
         "rows": [row(1, 0, 0, 0.9)],
-        "adjacency": {"keypoints": 50.0, "pairs": [[0, 1, 30, 20], [1, 2, 60, 40]]},
+        "adjacency": {
+            "keypoints": 50.0, "pairs": [[0, 1, 30, 20], [1, 2, 60, 40]], "linked": None,
+        },
         "usage": {
             "begin_s": 4.0, "processors": 2, "samples": samples, "peak_rss_mb": 100.0,
         },
@@ -184,6 +186,11 @@ def test_adjacency_is_symmetric_and_figures_have_the_width_of_a_column(tmp_path)
     assert before.tolist() == [[0, 30, 0], [30, 0, 60], [0, 60, 0]]
     assert after[2, 1] == after[1, 2] == 40
 
+    chained = result(adjacency=result()["adjacency"] | {"linked": [[0, 2, 70]]})
+    before, after = adjacency(chained)
+    assert before.tolist() == [[0, 0, 70], [0, 0, 0], [70, 0, 0]]
+    assert after[2, 1] == 40
+
     made = write_figures([result(), failed()], tmp_path)
     names = {path.name for path in made}
     stems = ("cpu-road", "errors-road", "adjacency-road-svt-paper")
@@ -230,6 +237,9 @@ def test_a_whole_run_has_figures_for_what_runs_and_reasons_for_the_rest(finished
     pairs = np.array(vectors["adjacency"]["pairs"])
     assert (pairs[:, 3] <= pairs[:, 2]).all()
     assert (pairs[:, 0] < pairs[:, 1]).all()
+    linked = np.array(vectors["adjacency"]["linked"])
+    assert {tuple(pair) for pair in linked[:, :2]} >= {(frame, frame + 1) for frame in range(5)}
+    assert len(linked) < len(pairs)  # what tracks are for
     gap1 = {each["frame0"]: each["matches"] for each in vectors["rows"] if each["gap"] == 1}
     assert {int(i): int(n) for i, j, n, _ in pairs if j == i + 1} == gap1
     assert absent["error"].startswith("not run: ")
@@ -245,7 +255,7 @@ def test_a_second_run_keeps_what_is_there_and_the_verb_writes_everything(data, f
     assert main(["bench", str(config), "--data", str(data), "-o", str(out)]) == 0
     told = capsys.readouterr()
     assert "[1/2] drive svt-paper: kept" in told.err
-    assert "## Table III: Structure from motion" in told.out
+    assert "## Table I: Structure from motion" in told.out
     summary = pq.read_table(out / "results.parquet").to_pylist()
     assert [(each["method"], each["gap"]) for each in summary] == [
         ("svt-paper", 1), ("svt-paper", 3), ("superpoint-superglue", None),

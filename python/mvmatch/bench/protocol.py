@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from mvmatch.bench.apart import run_apart
 from mvmatch.bench.digests import code_digest, folder_digest
 from mvmatch.bench.protocol_judge import judge_map, judge_pairs, map_database, verify_matches
-from mvmatch.bench.protocol_methods import METHODS, Timeline, described
+from mvmatch.bench.protocol_methods import METHODS, Timeline, VectorMethod, described
 from mvmatch.bench.protocol_options import ProtocolOptions, settings
 from mvmatch.bench.run import (
     CELLS,
@@ -176,12 +176,13 @@ def _measure(cell: ProtocolCell) -> dict[str, Any]:
 
     if model is not None:
         model |= judge_map(None if model["path"] is None else Path(model["path"]), sequence)
+    linked = method.linked(clip, options.threads) if isinstance(method, VectorMethod) else None
     return {
         "stages": timeline.stages,
         "end_s": end,
         "reading": method.reading(clip, options.threads),
         "rows": judge_pairs(matches, sequence, options),
-        "adjacency": adjacency,
+        "adjacency": adjacency | {"linked": linked},
         "model": model,
     }
 

@@ -103,16 +103,22 @@ def draw_utilisation(results: Many[Result]) -> Figure:
 
 
 def draw_adjacency(result: Result) -> Figure:
-    """Draw the matches of every pair of frames before and after verification, logarithmic."""
+    """Draw the matches of every pair of frames, logarithmic.
+
+    Of vectors before and after tracks join them (the paper's figure 1), of other methods before and
+    after verification.
+    """
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import MaxNLocator
 
     before, after = adjacency(result)
+    linked = result["adjacency"]["linked"] is not None
+    titles = ("vectors alone", "tracks, verified") if linked else ("matches", "verified")
     figure, panels = _figure(1.95, columns=2)
     top = max(10.0, float(before.max()))
     norm = LogNorm(1, top)
     image = None
-    for axes, counts, title in zip(panels, (before, after), ("matches", "verified"), strict=True):
+    for axes, counts, title in zip(panels, (before, after), titles, strict=True):
         shown = np.ma.masked_equal(counts, 0)
         image = axes.imshow(shown, norm=norm, cmap="cividis_r", interpolation="nearest")
         axes.set_title(title, fontsize=8)
@@ -175,12 +181,14 @@ def binned(samples: Many[Sample]) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def adjacency(result: Result) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the (F, F) symmetric counts of matches before and after verification."""
+    """Return the (F, F) symmetric counts of the two panels of :func:`draw_adjacency`."""
     frames = result["num_frames"]
     before, after = (np.zeros((frames, frames), np.int64) for _ in range(2))
     pairs = np.array(result["adjacency"]["pairs"], np.int64).reshape(-1, 4)
-    for counts, column in ((before, 2), (after, 3)):
-        counts[pairs[:, 0], pairs[:, 1]] = counts[pairs[:, 1], pairs[:, 0]] = pairs[:, column]
+    linked = result["adjacency"]["linked"]
+    first = pairs if linked is None else np.array(linked, np.int64).reshape(-1, 3)
+    for counts, rows, column in ((before, first, 2), (after, pairs, 3)):
+        counts[rows[:, 0], rows[:, 1]] = counts[rows[:, 1], rows[:, 0]] = rows[:, column]
     return before, after
 
 

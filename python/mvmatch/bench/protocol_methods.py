@@ -34,7 +34,7 @@ from mvmatch.learned import (
 )
 from mvmatch.matching import bridge_match, match_video, open_source
 from mvmatch.measure import StageClock
-from mvmatch.sources import ReadOptions
+from mvmatch.sources import ReadOptions, ReferenceStructure
 from mvmatch.tracks import chain_fields
 
 if TYPE_CHECKING:
@@ -132,6 +132,21 @@ class VectorMethod:
     def sources(self) -> tuple[str, ...]:
         """Modules that the result depends on."""
         return SOURCES["vectors"]
+
+    def linked(self, clip: Clip, threads: int) -> list[list[int]]:
+        """Count the vectors that lead from frame to frame, without tracks.
+
+        Returns
+        -------
+        list of list of int
+            ``[frame0, frame1, count]``, ``frame0 < frame1``.
+        """
+        stream, _ = encoded_stream(clip, self.encode)
+        structure = ReferenceStructure()
+        with open_source(stream, ReadOptions(threads=threads)) as source:
+            for field in source:
+                structure.add(field)
+        return structure.adjacency(1 + max(each.display_index for each in source.frames)).tolist()
 
 
 @dataclass(frozen=True, kw_only=True)

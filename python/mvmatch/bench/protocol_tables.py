@@ -85,10 +85,12 @@ def protocol_tables(results: Many[Result]) -> list[Table]:
     vectors = [row for row in rows if isinstance(METHODS.get(row["method"]), VectorMethod)]
     return [
         _table(
-            "I", "Matching quality", rows, _QUALITY,
-            "Mean over the pairs of a gap of the median over repeated estimations; ± is the "
-            "standard deviation over the seeds. Distinct matches are further than 1 px from each "
-            "other. The normalised Sampson error is squared, in 10⁻⁶.",
+            "I", "Structure from motion", once, _MODELS,
+            "The camera is held where it is known; the mapper and its checks are the same for all. "
+            "Distinct points are in no "
+            "image within 1 px of an earlier one. ATE after alignment by a similarity, % of the "
+            "path; RPE over one frame. Front end: from preprocessing to verification, elapsed / "
+            "CPU. BA: CPU ms of an iteration of bundle adjustment.",
         ),
         _table(
             "II", "Time, CPU and memory", once, _COST,
@@ -98,12 +100,10 @@ def protocol_tables(results: Many[Result]) -> list[Table]:
             "resident memory of all processes.",
         ),
         _table(
-            "III", "Structure from motion", once, _MODELS,
-            "The camera is held where it is known; the mapper and its checks are the same for all. "
-            "Distinct points are in no "
-            "image within 1 px of an earlier one. ATE after alignment by a similarity, % of the "
-            "path; RPE over one frame. Front end: from preprocessing to verification, elapsed / "
-            "CPU. BA: CPU ms of an iteration of bundle adjustment.",
+            "III", "Matching quality", rows, _QUALITY,
+            "Mean over the pairs of a gap of the median over repeated estimations; ± is the "
+            "standard deviation over the seeds. Distinct matches are further than 1 px from each "
+            "other. The normalised Sampson error is squared, in 10⁻⁶.",
         ),
         _table(
             "IV", "Encoders", vectors, _ENCODERS,
