@@ -26,6 +26,8 @@ import time
 from pathlib import Path
 
 IVF_HEADER, FRAME_HEADER = 32, 12
+_IMPORTS = ("mvmatch.sources.av1", "numpy.ma", "numpy.random", "pyarrow.parquet", "pycolmap")
+"""Imported where they are needed; not what is measured."""
 
 
 def first_frames(clip: Path, count: int, out: Path) -> None:
@@ -41,7 +43,7 @@ def first_frames(clip: Path, count: int, out: Path) -> None:
 
 def measure(clip: Path, camera: str) -> dict[str, float]:
     """Return length, CPU seconds and peak resident memory of one run in this process."""
-    for needed_later in ("pyarrow.parquet", "pycolmap"):
+    for needed_later in _IMPORTS:
         importlib.import_module(needed_later)
 
     from mvmatch.camera import parse_camera

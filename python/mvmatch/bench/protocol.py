@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from mvmatch.bench.apart import run_apart
 from mvmatch.bench.digests import code_digest, folder_digest
-from mvmatch.bench.protocol_judge import judge_map, judge_pairs, map_database, verify_matches
+from mvmatch.bench.protocol_judge import judge_pairs, map_database, verify_matches
 from mvmatch.bench.protocol_methods import METHODS, Timeline, VectorMethod, described
 from mvmatch.bench.protocol_options import ProtocolOptions, settings
 from mvmatch.bench.run import (
@@ -30,6 +30,7 @@ from mvmatch.bench.run import (
     prepare_clip,
 )
 from mvmatch.bench.sampling import TreeSampler
+from mvmatch.bench.sfm_judge import judge_model
 from mvmatch.bench.store import Result, fill_cells
 from mvmatch.outputs import provenance
 from mvmatch.report.plain import plain
@@ -175,7 +176,8 @@ def _measure(cell: ProtocolCell) -> dict[str, Any]:
     end = time.monotonic()
 
     if model is not None:
-        model |= judge_map(None if model["path"] is None else Path(model["path"]), sequence)
+        path = None if model["path"] is None else Path(model["path"])
+        model |= judge_model(path, sequence, cloud=False)
     linked = method.linked(clip, options.threads) if isinstance(method, VectorMethod) else None
     return {
         "stages": timeline.stages,

@@ -17,7 +17,6 @@ import numpy as np
 
 from mvmatch.bench.accuracy import AccuracyOptions
 from mvmatch.bench.mapping import MAPPER
-from mvmatch.bench.sfm_judge import judge_model
 from mvmatch.geometry.point_error import distinct_points
 from mvmatch.geometry.pose_error import relative_pose, relative_pose_error
 from mvmatch.geometry.two_view import fit_pair
@@ -174,27 +173,22 @@ def map_database(
     Returns
     -------
     dict
-        ``accepted``, ``registered`` of ``total``, ``reasons`` of a refusal, ``path``.
+        ``accepted``, ``registered`` of ``total``, ``reasons`` of a refusal, ``path`` (None without
+        a model; one that the checks refuse has a path, so that no method is judged by them alone).
     """
     options = MAPPER if sequence.focal_known else replace(MAPPER, intrinsics="refine")
     with timeline.stage(MAP):
         model = reconstruct(database, database.parent / "work", options=options)
-    accepted = model.reconstruction is not None and model.accepted
     path = None
-    if model.reconstruction is not None and accepted:
-        with timeline.stage(DENSIFY):
-            matches.densify(model.reconstruction, sample=None)
+    if model.reconstruction is not None:
+        if model.accepted:
+            with timeline.stage(DENSIFY):
+                matches.densify(model.reconstruction, sample=None)
         path = str(write_model(model.reconstruction, database.parent / "sparse"))
     return {
-        "accepted": accepted,
+        "accepted": model.accepted,
         "registered": model.registered,
         "total": len(sequence),
         "reasons": list(model.reasons),
         "path": path,
     }
-
-
-def judge_map(path: Path | None, sequence: Sequence) -> dict[str, Any]:
-    """Return the figures of :func:`mvmatch.bench.sfm_judge.judge_model`, without the cloud's."""
-    figures = judge_model(path, sequence)
-    return {name: value for name, value in figures.items() if name != "cloud"}

@@ -28,8 +28,8 @@ BA_ITERATIONS = 10
 """Of the bundle adjustment that is timed, at most: some models leave no step to take."""
 
 
-def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
-    """Measure a delivered model; None is a refusal.
+def judge_model(path: Path | None, sequence: Sequence, *, cloud: bool = True) -> dict[str, Any]:
+    """Measure a model; None is a refusal.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
         ``observations``, ``track_length``, ``reprojection_px``, ``focal_error_percent`` (NaN
         without a model or where the true one is not known), ``ba_cpu_s``: CPU seconds of an
         iteration of one more bundle adjustment, and ``cloud``: distances of the points to the true
-        surfaces, None where these are not known.
+        surfaces, None where these are not known or ``cloud`` is not asked for.
     """
     import pycolmap
 
@@ -55,7 +55,7 @@ def judge_model(path: Path | None, sequence: Sequence) -> dict[str, Any]:
         "track_length": model.compute_mean_track_length(),
         "reprojection_px": model.compute_mean_reprojection_error(),
         "focal_error_percent": 100 * abs(focal / true - 1),
-        "cloud": _cloud(model, sequence),
+        "cloud": _cloud(model, sequence) if cloud else None,
         "ba_cpu_s": _adjustment_seconds(model),  # last: it changes the model
     }
 
