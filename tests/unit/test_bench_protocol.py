@@ -12,6 +12,7 @@ from mvmatch.bench.protocol_figures import adjacency, binned, write_figures
 from mvmatch.bench.protocol_methods import METHODS
 from mvmatch.bench.protocol_options import ProtocolOptions, load_protocol
 from mvmatch.bench.protocol_page import protocol_page
+from mvmatch.bench.protocol_report import write_protocol
 from mvmatch.bench.protocol_summary import costs, summarise
 from mvmatch.bench.protocol_tables import protocol_tables, tex
 from mvmatch.bench.sampling import Sample
@@ -223,6 +224,22 @@ def test_the_page_opens_in_a_browser_without_complaint_and_fits(browser, tmp_pat
         assert (found.complaints, found.requests, found.broken, found.overflow) == ((), (), (), 0)
     for words in ("Table IV: Encoders", "not run: <b>", "CPU over time", "How it was made"):
         assert words in found.text, words
+
+
+def test_what_is_there_is_not_drawn_again_until_something_changes(tmp_path):
+    options = ProtocolOptions(name="small")
+    made = write_protocol([result()], options, tmp_path)
+    assert all(path.exists() for path in made)
+    page = tmp_path / "bench.html"
+    page.write_text("mine")
+    assert write_protocol([result()], options, tmp_path) == made
+    assert page.read_text() == "mine"
+
+    write_protocol([result(), failed()], options, tmp_path)
+    assert "Protocol small" in page.read_text()
+    page.unlink()
+    write_protocol([result(), failed()], options, tmp_path)
+    assert page.exists()
 
 
 def test_a_whole_run_has_figures_for_what_runs_and_reasons_for_the_rest(finished):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from typing import TYPE_CHECKING
 
+from mvmatch.bench.digests import code_digest
 from mvmatch.bench.protocol_figures import write_figures
 from mvmatch.bench.protocol_page import protocol_page
 from mvmatch.bench.protocol_summary import write_parquet
@@ -18,10 +21,18 @@ if TYPE_CHECKING:
 
 SUMMARY, PAIRS = "results.parquet", "pairs.parquet"
 MARKDOWN, LATEX, PAGE, FIGURES = "tables.md", "tables.tex", "bench.html", "figures"
+_MADE = (SUMMARY, PAIRS, MARKDOWN, LATEX, PAGE, FIGURES)
+_DIGEST = ".report"
+"""File that tells what the others were made of."""
+
+_SOURCES = (
+    "bench/protocol_figures", "bench/protocol_page", "bench/protocol_report",
+    "bench/protocol_summary", "bench/protocol_tables", "bench/report",
+)  # fmt: skip
 
 
 def write_protocol(results: Many[Result], options: ProtocolOptions, out: Path) -> list[Path]:
-    """Write what is made of the results into the folder of a benchmark.
+    """Write what is made of the results into the folder of a benchmark, unless it is there.
 
     Returns
     -------
@@ -30,6 +41,13 @@ def write_protocol(results: Many[Result], options: ProtocolOptions, out: Path) -
         the folder ``figures``.
     """
     out.mkdir(parents=True, exist_ok=True)
+    made = [out / name for name in _MADE]
+    digest = hashlib.sha256(f"{code_digest(_SOURCES)} {options}".encode())
+    digest.update(json.dumps(results, sort_keys=True).encode())
+    stamp = out / _DIGEST
+    if all(path.exists() for path in made) and _text_of(stamp) == digest.hexdigest():
+        return made
+    stamp.unlink(missing_ok=True)
     write_parquet(results, out / SUMMARY, out / PAIRS)
     tables = protocol_tables(results)
     text = "\n".join(table.markdown() for table in tables)
@@ -37,4 +55,9 @@ def write_protocol(results: Many[Result], options: ProtocolOptions, out: Path) -
     (out / LATEX).write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
     figures = write_figures(results, out / FIGURES)
     (out / PAGE).write_text(protocol_page(tables, figures, options), encoding="utf-8")
-    return [out / name for name in (SUMMARY, PAIRS, MARKDOWN, LATEX, PAGE, FIGURES)]
+    stamp.write_text(digest.hexdigest(), encoding="utf-8")
+    return made
+
+
+def _text_of(path: Path) -> str | None:
+    return path.read_text(encoding="utf-8") if path.is_file() else None
