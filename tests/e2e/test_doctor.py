@@ -67,13 +67,13 @@ def test_a_scene_cut_leaves_a_model_of_one_shot_and_says_so_last(
     # Both scenes have the same ground: descriptors would find it again.
     model = examined(images, tmp_path / "out", "--camera", camera, "--bridge", "none")
     assert model["status"] == "partial"
-    assert codes(model) == ["scene-cut", "unregistered"]
+    assert codes(model) == ["scene-cut", "other-model"]
     assert model["findings"][0]["frames"] == [[SHOT, SHOT]]
     assert model["findings"][1]["frames"] in ([[0, SHOT - 1]], [[SHOT, 2 * SHOT - 1]])
     printed = capsys.readouterr().err.splitlines()
     assert printed[-4].startswith(f"found: The scene changes before picture {SHOT}")
     assert printed[-2].startswith("found: The pictures ")
-    assert printed[-1].startswith("       Reconstruct them")
+    assert printed[-2].endswith("are in a model of their own, number 1.")
 
 
 def test_a_pan_is_named_as_a_turn_without_parallax(tmp_path: Path) -> None:

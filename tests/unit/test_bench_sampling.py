@@ -83,7 +83,8 @@ def test_cpu_and_wall_agree_with_the_system_and_sampling_costs_next_to_nothing()
     assert sampler.samples[-1].cpu_s == pytest.approx(cpu, rel=0.05)
     assert apart.cpu_s == pytest.approx(cpu, rel=0.05)
     assert apart.wall_s == pytest.approx(wall, rel=0.05)
-    assert sampler.samples[-1].time_s - sampler.samples[0].time_s == pytest.approx(wall, rel=0.05)
+    # Sampling begins when the system has started the process.
+    assert sampler.samples[-1].time_s - sampler.samples[0].time_s == pytest.approx(wall, abs=1.0)
     assert sampler.own_cpu_s < 0.01 * wall
     assert 64 < sampler.peak_rss_mb < 400
 

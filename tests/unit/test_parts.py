@@ -117,10 +117,11 @@ def test_the_doctor_names_a_joint_that_enough_tracks_lead_across(tmp_path):
     found = diagnose(result, tmp_path / "database.db", tracks=tracks, footage=footage)
 
     assert found.status == "partial"
-    # The pictures behind it are in the other model.
-    assert [each.code for each in found.findings] == ["joint"]
+    assert [each.code for each in found.findings] == ["joint", "other-model"]
     assert found.findings[0].frames == ((17, 18),)
     assert found.findings[0].sentence.startswith("No model holds across the pictures 17 to 18: ")
+    assert found.findings[1].frames == ((18, 29),)
+    assert "18 to 29 are in a model of their own, number 1" in found.findings[1].sentence
 
     alone = dataclasses.replace(result, further=())
     found = diagnose(alone, tmp_path / "database.db", tracks=tracks, footage=footage)

@@ -123,7 +123,8 @@ def diagnose(
         found = parts
         if not any(part.code in _NO_PARALLAX for part in parts):
             found += _focal_length(result, evidence)
-        found += [*_joints(result, found), *_repeats(footage), *_unregistered(result)]
+        found += [*_joints(result, found), *_repeats(footage)]
+        found += [*_elsewhere(result), *_unregistered(result)]
     if damage is not None:
         found.insert(0, _damage(damage, result.total))
     return Diagnosis(status=status, findings=tuple(found) or (_unexplained(result),))
@@ -324,17 +325,32 @@ def _repeats(footage: Footage) -> list[Finding]:
     ]
 
 
-def _unregistered(result: ReconstructionResult) -> list[Finding]:
+def _elsewhere(result: ReconstructionResult) -> list[Finding]:
+    """Name the pictures that the models of other parts hold."""
     import pycolmap
 
-    model = result.reconstruction
-    if model is None:
+    return [
+        Finding(
+            code="other-model",
+            frames=tuple(parts),
+            sentence=f"The pictures {named_parts(parts)} are in a model of their own, "
+            f"number {path.name}.",
+            advice="Neither place nor scale of the models has to do with each other.",
+        )
+        for path in result.further
+        if (parts := runs(_registered(pycolmap.Reconstruction(path), result.total)))
+    ]
+
+
+def _unregistered(result: ReconstructionResult) -> list[Finding]:
+    """Name the pictures that no model holds, where there is one."""
+    import pycolmap
+
+    if result.reconstruction is None:
         return []
-    missing = np.ones(result.total + 1, np.bool_)
-    missing[-1] = False
-    for each in (model, *map(pycolmap.Reconstruction, result.further)):
-        missing[[image - 1 for image in each.reg_image_ids()]] = False
-    parts = runs(missing)
+    models = (result.reconstruction, *map(pycolmap.Reconstruction, result.further))
+    held = np.logical_or.reduce([_registered(model, result.total) for model in models])
+    parts = runs(np.append(~held[:-1], False))
     if not parts:
         return []
     return [
@@ -350,6 +366,13 @@ def _unregistered(result: ReconstructionResult) -> list[Finding]:
             "(--re-encode --set encode.quality=20).",
         )
     ]
+
+
+def _registered(model: pycolmap.Reconstruction, total: int) -> NDArray[np.bool_]:
+    """(F + 1,) pictures that a model holds; the last is none."""
+    held = np.zeros(total + 1, np.bool_)
+    held[[image - 1 for image in model.reg_image_ids()]] = True
+    return held
 
 
 def _unexplained(result: ReconstructionResult) -> Finding:

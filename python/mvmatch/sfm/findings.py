@@ -22,6 +22,7 @@ Code = Literal[
     "planar",
     "focal-length",
     "repeats",
+    "other-model",
     "unregistered",
     "unexplained",
 ]
