@@ -95,3 +95,10 @@ def test_names_that_the_page_on_the_paper_links_are_defined_there(repository: Pa
 )
 def test_a_name_that_is_not_there_is_not_found(repository: Path, name: str, file: str) -> None:
     assert not is_defined(name, repository / file)
+
+
+def test_no_page_holds_the_marks_of_a_merge(repository: Path) -> None:
+    pages = [*repository.glob("*.md"), *(repository / "docs").rglob("*.md")]
+    marks = re.compile(r"^(<{7} |>{7} )", re.MULTILINE)
+    assert len(pages) > 20
+    assert [page.name for page in pages if marks.search(page.read_text(encoding="utf-8"))] == []

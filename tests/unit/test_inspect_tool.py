@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 import mvmatch
+from mvmatch.bench import protocol_methods
 from mvmatch.bench.inspect_tool import _BLOCK_SIZES, inspect_fields, missing_inspect
 from mvmatch.bench.protocol_methods import METHODS
 from mvmatch.errors import DataError
+from mvmatch.matching import match_video
+from mvmatch.tracks import TrackOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -152,3 +155,19 @@ def test_without_the_program_the_row_says_how_to_get_it(
     assert METHODS["inspect-paper"].unavailable() == missing_inspect()
     with pytest.raises(DataError, match="not on the PATH"):
         read(data / "svt_flat_p8.ivf")
+
+
+def test_the_method_has_the_tracks_that_the_parser_gives(
+    data: Path, play: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stream = data / "svt_flat_p8.ivf"
+    play(printed(stream, runs=True))
+    monkeypatch.setattr(protocol_methods, "encoded_stream", lambda clip, _: (clip, {}))
+    timeline = protocol_methods.Timeline()
+    found: Any = METHODS["inspect-paper"].run(stream, timeline, 1)
+
+    expected = match_video(stream, options=TrackOptions.preset("paper")).tracks
+    assert len(expected) > 10
+    assert sorted(found.tracks.lengths) == sorted(expected.lengths)
+    assert sorted(map(tuple, found.tracks.xy)) == sorted(map(tuple, expected.xy))
+    assert [stage["name"] for stage in timeline.stages] == [protocol_methods.MATCH]

@@ -123,8 +123,9 @@ def run_protocol(
         As in the files: ``sequence``, ``method``, ``key``, ``error`` (None or the reason),
         ``settings`` of the method, ``encoding`` (``seconds``, ``cpu_seconds``, ``num_bytes``; None
         where frames are read), ``size`` and ``num_frames``, ``stages`` (:class:`Timeline`),
-        ``reading``, ``rows`` (:func:`judge_pairs`), ``adjacency`` (:func:`verify_matches`),
-        ``model`` (None without mapping), ``usage`` (:func:`_usage`), and the provenance.
+        ``reading``, ``rows`` (:func:`judge_pairs`), ``adjacency`` (:func:`verify_matches`, and
+        ``linked`` of :meth:`VectorMethod.linked` or None), ``model`` (None without mapping),
+        ``usage`` (:func:`_usage`), and the provenance.
     """
     return fill_cells(protocol_cells(options, data, out), compute_cell, tell or _untold)
 

@@ -38,10 +38,11 @@ from mvmatch.sources import ReadOptions, ReferenceStructure
 from mvmatch.tracks import chain_fields
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Generator, Iterator
     from pathlib import Path
 
     from mvmatch.learned import LearnedModel
+    from mvmatch.types import MotionField
 
 PREPROCESS, MATCH = "preprocess", "match"
 """Stages of a front end: what precedes matching (features, or reading vectors), and matching."""
@@ -160,30 +161,30 @@ class InspectMethod(VectorMethod):
     def run(self, clip: Clip, timeline: Timeline, threads: int) -> Matches:
         """Chain the vectors that the program prints; headers are read before, by mvmatch."""
         options = RunOptions.preset(self.preset).track
-        stream, _ = encoded_stream(clip, self.encode)
-        with open_source(stream, ReadOptions(threads=threads)) as source:
-            deque(source, maxlen=0)
-        observer = FootageObserver()
+        fields, observer = self._printed(clip, threads), FootageObserver()
         with timeline.stage(MATCH):
-            fields = inspect_fields(stream, source.frames, source.info)
             tracks, _ = chain_fields(observer.watch(fields), options=options)
             tracks, _ = observer.clean(tracks, min_length=options.min_length)
         return TrackMatches(tracks)
 
     def reading(self, clip: Clip, threads: int) -> dict[str, float]:
         """Read what the program prints and do nothing with it."""
-        stream, _ = encoded_stream(clip, self.encode)
-        with open_source(stream, ReadOptions(threads=threads)) as source:
-            deque(source, maxlen=0)
-        clock = StageClock()
+        fields, clock = self._printed(clip, threads), StageClock()
         with clock.stage(PREPROCESS):
-            deque(inspect_fields(stream, source.frames, source.info), maxlen=0)
+            deque(fields, maxlen=0)
         return {"wall_s": clock.stages[0].wall_s, "cpu_s": clock.stages[0].cpu_s}
 
     @property
     def sources(self) -> tuple[str, ...]:
         """Modules that the result depends on."""
         return *super().sources, "bench/inspect_tool.py"
+
+    def _printed(self, clip: Clip, threads: int) -> Iterator[MotionField]:
+        """Read the headers; the program starts with the first field that is asked for."""
+        stream, _ = encoded_stream(clip, self.encode)
+        with open_source(stream, ReadOptions(threads=threads)) as source:
+            deque(source, maxlen=0)
+        return inspect_fields(stream, source.frames, source.info)
 
 
 @dataclass(frozen=True, kw_only=True)

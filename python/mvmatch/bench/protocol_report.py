@@ -27,7 +27,7 @@ _DIGEST = ".report"
 
 _SOURCES = (
     "bench/protocol_figures", "bench/protocol_page", "bench/protocol_report",
-    "bench/protocol_summary", "bench/protocol_tables", "bench/report",
+    "bench/protocol_summary", "bench/protocol_tables", "bench/report", "report/style",
 )  # fmt: skip
 
 

@@ -67,15 +67,7 @@ class SuperGlueModel:
         self._folder()
 
     def load(self) -> SuperGlueMatcher:
-        """Read the code and the weights.
-
-        Raises
-        ------
-        MissingExtraError
-            PyTorch is not installed.
-        DataError
-            The copy is not named, or lacks files.
-        """
+        """Read the code and the weights; raises what :meth:`require` does."""
         self.require()
         package = ModuleType(_PACKAGE)
         package.__path__ = [str(self._folder() / "models")]
