@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +15,8 @@ from mvmatch.encode.frames import natural_key, open_frames
 from mvmatch.errors import DataError, UnsupportedError
 from mvmatch.types import MotionFlags
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 NO_CHECK = EncodeOptions(check=False)
+THREADS = Path("/proc/self/task")
 
 
 def write_png(path: Path, width: int, height: int, shift: int = 0) -> None:
@@ -346,3 +345,16 @@ def test_the_result_says_with_which_settings_it_was_made(folder: Path, tmp_path:
     assert "preset=11 crf=41" in result.settings
     assert "pred-struct=1:rtc=1:hierarchical-levels=0" in result.settings
     assert result.num_bytes < encode_video(folder, tmp_path / "fine.ivf").num_bytes
+
+
+@pytest.mark.skipif(not THREADS.is_dir(), reason="the system does not list threads")
+def test_no_thread_is_left_at_real_time_priority(folder: Path, tmp_path: Path) -> None:
+    """SVT asks for it as the super-user; whatever this process starts later would inherit it."""
+    policies: set[int] = set()
+
+    def look(_done: int, _of: int | None) -> None:
+        policies.update(os.sched_getscheduler(int(thread.name)) for thread in THREADS.iterdir())
+
+    encode_video(folder, tmp_path / "out.ivf", options=NO_CHECK, progress=look)
+    assert policies == {os.SCHED_OTHER}
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
-    from pathlib import Path
 
     from mvmatch.encode.frames import FrameSource
     from mvmatch.encode.options import EncodeOptions
@@ -25,6 +25,8 @@ FLAT_PAST_REFERENCES = "pred-struct=1:rtc=1:hierarchical-levels=0"
 DETAIL_IN_FLAT_AREAS = "enable-variance-boost=1:variance-boost-strength=3"
 """Finer quantisers where the picture has little contrast: the vectors there follow the content
 instead of the cheapest code. Measured in docs/explanation/encoding.md."""
+
+_THREADS = Path("/proc/self/task")
 
 
 def is_available() -> bool:
@@ -68,6 +70,8 @@ def encode_to_ivf(
             if not times:
                 # Images use all 256 values, most video does not: players have to know.
                 stream.codec_context.color_range = frame.color_range
+                with _ordinary_scheduling():
+                    container.start_encoding()
             times.append(frame.pts or 0)
             # The real times come back when the packets are copied: SVT wants a steady clock.
             frame.pts, frame.time_base = len(times) - 1, 1 / frames.frame_rate
@@ -76,6 +80,28 @@ def encode_to_ivf(
                 progress(len(times), frames.num_frames)
         container.mux(stream.encode(None))
     return times
+
+
+@contextmanager
+def _ordinary_scheduling() -> Generator[None]:
+    """Undo what SVT does for the super-user on Linux when it starts.
+
+    It puts its threads and the one that calls it under SCHED_FIFO at the highest priority, for as
+    long as the process lives, and so all that this process starts later: nothing else on the
+    machine would run.
+    """
+    if not (hasattr(os, "sched_getscheduler") and _THREADS.is_dir()):
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    before = set(_THREADS.iterdir())
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, policy, parameters)
+        for thread in set(_THREADS.iterdir()) - before:
+            with suppress(ProcessLookupError):
+                os.sched_setscheduler(int(thread.name), policy, parameters)
 
 
 @contextmanager
