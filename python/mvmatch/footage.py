@@ -60,14 +60,14 @@ class Footage:
         if self.cuts:
             found.append(
                 f"Scene cuts before the pictures {_listed(self.cuts)}, {len(self.cuts)} in all: "
-                "tracks end there, and the model holds one shot. "
-                "Give each shot as a video of its own for the others."
+                "tracks end there, and each model holds one shot. "
+                "Give a shot that has none as a video of its own."
             )
         torn = [frame for frame in self.breaks if frame not in self.cuts]
         if torn:
             found.append(
                 f"No track goes on into the pictures {_ranges(torn)}, {len(torn)} in all, as at "
-                "key frames and damage: the model holds one part between them."
+                "key frames and damage: each model holds one part between them."
             )
         if self.jumps:
             found.append(

@@ -155,8 +155,8 @@ def _broken(
             Finding(
                 code="scene-cut",
                 frames=tuple((cut, cut) for cut in footage.cuts),
-                sentence=f"The scene changes before picture {shots}: a model holds one shot.",
-                advice="Give each shot as a video, or folder of pictures, of its own.",
+                sentence=f"The scene changes before picture {shots}: each model holds one shot.",
+                advice="Give a shot that has none as a video, or folder of pictures, of its own.",
             )
         )
     weak = bridge < MIN_BRIDGE
