@@ -169,6 +169,20 @@ def test_a_method_without_figures_is_a_row_with_its_reason_in_every_table():
     assert tex("a\\b~^") == r"a\textbackslash{}b\textasciitilde{}\textasciicircum{}"
 
 
+def test_what_runs_on_no_sequence_for_one_reason_is_said_once_and_last():
+    lane = {"sequence": "lane"}
+    here, there = [result(), failed()], [result(**lane), failed() | lane]
+    late = failed("not run: late") | lane
+
+    last = ("all", "nvenc-paper", "not run: no hardware")
+    for table in protocol_tables([*here, *there]):
+        assert [row[:2] for row in table.rows[:2]] == [("road", "svt-paper"), ("lane", "svt-paper")]
+        assert table.rows[2:] == (last,)
+    for table in protocol_tables([*here, result(**lane), late]):
+        assert table.rows[1] == ("road", *last[1:])
+        assert table.rows[3] == ("lane", "nvenc-paper", "not run: late")
+
+
 def test_a_curve_of_averages_keeps_the_cpu_time():
     generator = np.random.default_rng(0)
     times, used = (np.cumsum(generator.uniform(0.1, 0.3, 500)) for _ in range(2))
@@ -240,6 +254,11 @@ def test_what_is_there_is_not_drawn_again_until_something_changes(tmp_path):
     page.unlink()
     write_protocol([result(), failed()], options, tmp_path)
     assert page.exists()
+
+    # What cannot run is tried in every run, and is the same but for the time.
+    page.write_text("mine")
+    write_protocol([result(), failed() | {"mvmatch": {"created": "later"}}], options, tmp_path)
+    assert page.read_text() == "mine"
 
 
 def test_a_whole_run_has_figures_for_what_runs_and_reasons_for_the_rest(finished):

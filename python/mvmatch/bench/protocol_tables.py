@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 _Show: TypeAlias = "Callable[[Row], str]"
 
+_EVERYWHERE = "all"
+"""In the place of a sequence: the same reason holds for each of them."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
@@ -124,14 +127,29 @@ def _table(
     number: str, title: str, rows: Many[Row], columns: Many[tuple[str, _Show]], note: str
 ) -> Table:
     lines: list[tuple[str, ...]] = []
+    without, last = _without_figures(rows), {}
     for row in rows:
         names = row["sequence"], row["method"]
-        if row["error"] is not None:
+        if row["method"] in without:
+            last[row["method"]] = (_EVERYWHERE, row["method"], row["error"])
+        elif row["error"] is not None:
             lines.append((*names, row["error"]))
         else:
             lines.append((*names, *(show(row) for _, show in columns)))
+    lines += last.values()
     titles = ("sequence", "method", *(name for name, _ in columns))
     return Table(number=number, title=title, note=note, columns=titles, rows=tuple(lines))
+
+
+def _without_figures(rows: Many[Row]) -> set[str]:
+    """Find the methods that have no figures anywhere, for one and the same reason."""
+    reasons: dict[str, set[str | None]] = {}
+    for row in rows:
+        reasons.setdefault(row["method"], set()).add(row["error"])
+    several = len({row["sequence"] for row in rows}) > 1
+    return {
+        method for method, why in reasons.items() if several and len(why) == 1 and None not in why
+    }
 
 
 def _number(name: str, decimals: int, factor: float = 1.0) -> _Show:
