@@ -307,6 +307,15 @@ def test_a_database_without_any_measured_pair_is_measured(tmp_path):
     assert len(read_evidence(path).pairs) == FRAMES * (FRAMES - 1) // 2
 
 
+def test_views_from_too_far_aside_are_no_evidence(tmp_path):
+    """Nothing looks alike from there: matches of descriptors that agree on it are a pattern's."""
+    angles = np.radians(12.0 * np.arange(FRAMES))
+    centers = [np.array([0, 0, 14]) - 12 * np.array([np.sin(a), 0, np.cos(a)]) for a in angles]
+    evidence = read_evidence(database(tmp_path, observe(centers, angles=angles)))
+    gaps = {pair.image1 - pair.image0 for pair in evidence.pairs}
+    assert gaps == {1, 2, 3, 4, 5}
+
+
 def test_a_selection_of_pairs_holds_all_gaps_and_the_whole_sequence():
     pairs = [(frame, frame + gap) for frame in range(400) for gap in range(1, 11)]
     some = _selection(pairs, 400)

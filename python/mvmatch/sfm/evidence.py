@@ -29,6 +29,10 @@ _Item = TypeVar("_Item")
 MIN_INLIERS = 50
 """Pairs with fewer are not evidence."""
 
+MAX_PARALLAX = 60.0
+"""Degrees; pairs with more are not evidence: descriptors do not recognise a thing from so far
+aside, and matches that agree on such a motion come from a pattern that repeats."""
+
 MAX_PAIRS = 500
 """Pairs measured; of more a selection spread over the sequence is taken."""
 
@@ -151,9 +155,9 @@ def read_evidence(
     Returns
     -------
     Evidence
-        Pairs with at least `MIN_INLIERS` inliers, sorted by image ids. Where some geometries have
-        a pose, those without are no evidence: their matches were judged by tracks that the others
-        measure as well. Where none has, all are fitted.
+        Pairs with at least `MIN_INLIERS` inliers and at most `MAX_PARALLAX`, sorted by image ids.
+        Where some geometries have a pose, those without are no evidence: their matches were judged
+        by tracks that the others measure as well. Where none has, all are fitted.
     """
     import pycolmap
 
@@ -185,7 +189,7 @@ def read_evidence(
         inliers = geometry.inlier_matches
         points = [keypoints[ids[side]][inliers[:, side]] for side in (0, 1)]
         pair = _measure(ids, points, views, None if refit else geometry)
-        if pair is not None:
+        if pair is not None and pair.parallax <= MAX_PARALLAX:
             pairs.append(pair)
     return Evidence(
         num_images=len(images),
