@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import UnsupportedError
@@ -55,6 +56,7 @@ class DescriptorMatcher:
     def __init__(self, options: BridgeOptions | LoopOptions, camera: pycolmap.Camera) -> None:
         self._options, self._camera = options, camera
         self._extractor, self._matcher = _engines(options.matcher, options.max_num_features)
+        self._blas = ThreadpoolController()
 
     def extract(self, luma: NDArray[np.uint8]) -> Features:
         """Features of a picture, (H, W) grey values."""
@@ -65,7 +67,8 @@ class DescriptorMatcher:
     def match(self, first: Features, second: Features) -> NDArray[np.uint32]:
         """(M, 2) numbers of features that match and keep to a camera motion; none if few do."""
         if self._matcher is None:
-            matches = mutual_matches(first.directions, second.directions)
+            with self._blas.limit(limits=1, user_api="blas"):
+                matches = mutual_matches(first.directions, second.directions)
         else:
             matches = self._matcher.match(
                 first.keypoints, first.descriptors, second.keypoints, second.descriptors
@@ -155,9 +158,10 @@ def mutual_matches(
         return np.empty((0, 2), np.uint32)
     alike = first @ second.T
     there, is_clear = _nearest(alike, max_ratio, max_distance)
-    back, is_clear_back = _nearest(np.ascontiguousarray(alike.T), max_ratio, max_distance)
-    here = np.arange(len(first))
-    kept = is_clear & is_clear_back[there] & (back[there] == here)
+    here = np.flatnonzero(is_clear)
+    there = there[here]
+    back, is_clear_back = _nearest(np.ascontiguousarray(alike[:, there].T), max_ratio, max_distance)
+    kept = is_clear_back & (back == here)
     return np.column_stack([here[kept], there[kept]]).astype(np.uint32)
 
 
@@ -167,10 +171,8 @@ def _nearest(
     """Column of the largest cosine of each row, and whether it stands out."""
     rows, nearest = np.arange(len(alike)), alike.argmax(axis=1)
     best = alike[rows, nearest]
-    others = alike.copy()
-    others[rows, nearest] = -1.0
-    distance, next_distance = (
-        np.arccos(np.clip(cosine, -1.0, 1.0)) for cosine in (best, others.max(axis=1))
-    )
-    is_clear = (distance <= max_distance) & (distance < max_ratio * next_distance)
-    return nearest, is_clear
+    alike[rows, nearest] = -1.0
+    next_best = alike.max(axis=1, initial=-1.0)
+    alike[rows, nearest] = best
+    distance, next_distance = (np.arccos(np.clip(each, -1.0, 1.0)) for each in (best, next_best))
+    return nearest, (distance <= max_distance) & (distance < max_ratio * next_distance)
