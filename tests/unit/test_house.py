@@ -21,6 +21,7 @@ HEAVY = (
     "scipy",
     "torch",
     "kornia",
+    "threadpoolctl",
     "yaml",
 )
 
