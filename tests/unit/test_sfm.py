@@ -13,7 +13,7 @@ from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
 from mvmatch.sfm.adjust import adjust, fit_squares
 from mvmatch.sfm.breaks import hopeless
-from mvmatch.sfm.checks import check_model, weakest_joint
+from mvmatch.sfm.checks import Boundary, check_model, contradicted_boundary, weakest_joint
 from mvmatch.sfm.evidence import _selection, read_evidence
 from mvmatch.sfm.focal import thinned
 from mvmatch.types import Tracks
@@ -252,6 +252,24 @@ def test_a_bent_model_is_refused_though_all_images_are_registered(forward, tmp_p
     assert check.registered == FRAMES
     assert check.agreement < 0.5
     assert any("contradicts" in reason for reason in check.reasons)
+
+
+def test_a_model_whose_first_images_lie_wrong_is_refused(forward):
+    """Most pairs agree with it, and points hold both parts together: the mapper left out others."""
+    path, result = forward
+    model, evidence = pycolmap.Reconstruction(result.reconstruction), read_evidence(path)
+    lenient = AcceptanceOptions(min_agreement=0.0)
+    assert contradicted_boundary(model, evidence, lenient) is None
+
+    turn = pycolmap.Rigid3d(pycolmap.Rotation3d(np.array([0.0, 0.1, 0.0])), np.zeros(3))
+    for image_id in (1, 2, 3):
+        frame = model.frame(model.image(image_id).frame_id)
+        frame.set_cam_from_world(1, model.image(image_id).cam_from_world() * turn)
+    found = contradicted_boundary(model, evidence, lenient)
+    assert found == Boundary(before=3, after=4, across=found.across, against=found.across)
+    (reason,) = check_model(model, evidence, lenient).reasons
+    assert reason.startswith("the model contradicts ")
+    assert reason.endswith(" image pairs across the step from image 3 to 4")
 
 
 def test_a_model_in_two_halves_is_found_at_its_joint(forward):

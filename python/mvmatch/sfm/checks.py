@@ -15,12 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mvmatch.sfm.breaks import MIN_DISPLACEMENT
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pycolmap
 
     from mvmatch.sfm.evidence import Evidence, PairEvidence
+
+MIN_ACROSS = 3
+"""Pairs across a boundary between two images: fewer can be wrong themselves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +56,24 @@ class AcceptanceOptions:
     part has to keep the other bounds for itself."""
     min_observations: float = 0.25
     """Share of the matched keypoints that belong to a point of the model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Boundary:
+    """Two neighbouring images, and the pairs with one image on either side.
+
+    A model whose first images lie wrong agrees with nearly all pairs, but with none of those that
+    reach from the wrong part to the right one, whatever their parallax. Measured: where a model is
+    right no pair contradicts it at any boundary.
+    """
+
+    before: int
+    after: int
+    """Image ids."""
+    across: int
+    """Pairs with motion."""
+    against: int
+    """Those of them that contradict the model."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,8 +125,11 @@ def check_model(
     ModelCheck
         With a sentence for every bound that is not kept.
     """
-    errors = relative_motion_errors(model, compared_pairs(model, evidence, options))
-    kept = confirmed(errors, options)
+    pairs = _registered_pairs(model, evidence)
+    every = relative_motion_errors(model, pairs)
+    holds = confirmed(every, options)
+    far = _with_parallax(pairs, options.min_parallax)
+    errors, kept = every[far], holds[far]
     agreement = float(kept.mean()) if len(kept) else float("nan")
     registered = model.num_reg_images()
     error = float(model.compute_mean_reprojection_error())
@@ -123,6 +149,12 @@ def check_model(
         reasons.append(f"only {joint} points hold the model together after image {after}")
     if not agreement >= options.min_agreement:
         reasons.append(_disagreement(agreement, len(kept)))
+    broken = _boundary(evidence.image_ids, pairs, holds)
+    if broken is not None:
+        reasons.append(
+            f"the model contradicts {broken.against} of {broken.across} image pairs across the "
+            f"step from image {broken.before} to {broken.after}"
+        )
     return ModelCheck(
         registered=registered,
         total=evidence.num_images,
@@ -138,13 +170,25 @@ def check_model(
     )
 
 
-def compared_pairs(
+def contradicted_boundary(
     model: pycolmap.Reconstruction, evidence: Evidence, options: AcceptanceOptions
-) -> list[PairEvidence]:
-    """Pairs of registered images with parallax: those a model is compared with."""
-    known = frozenset(model.reg_image_ids())
-    pairs = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= known]
-    return _with_parallax(pairs, options.min_parallax)
+) -> Boundary | None:
+    """Find the boundary that most of the pairs across speak against, by as many as possible.
+
+    Pairs with parallax are asked first: they see a path that bends little by little.
+
+    Returns
+    -------
+    Boundary or None
+        In the middle of its like; None where the pairs across speak for the model everywhere.
+        Boundaries with fewer than `MIN_ACROSS` pairs say nothing.
+    """
+    pairs = _registered_pairs(model, evidence)
+    holds = confirmed(relative_motion_errors(model, pairs), options)
+    far = np.flatnonzero(_with_parallax(pairs, options.min_parallax))
+    return _boundary(evidence.image_ids, [pairs[i] for i in far], holds[far]) or _boundary(
+        evidence.image_ids, pairs, holds
+    )
 
 
 def confirmed(
@@ -205,12 +249,47 @@ def weakest_joint(model: pycolmap.Reconstruction) -> tuple[int, int]:
     return int(bridged[cut]), int(ids[cut])
 
 
-def _with_parallax(pairs: list[PairEvidence], min_parallax: float) -> list[PairEvidence]:
-    """Pairs with enough parallax; where those are few, the better half."""
-    enough = [pair for pair in pairs if pair.parallax >= min_parallax]
-    if len(enough) >= min(10, len(pairs)):
-        return enough
-    return sorted(pairs, key=lambda pair: -pair.parallax)[: max(1, len(pairs) // 2)]
+def _registered_pairs(model: pycolmap.Reconstruction, evidence: Evidence) -> list[PairEvidence]:
+    known = frozenset(model.reg_image_ids())
+    return [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= known]
+
+
+def _boundary(
+    ids: Sequence[int],
+    pairs: Sequence[PairEvidence],
+    holds: np.ndarray[tuple[int], np.dtype[np.bool_]],
+) -> Boundary | None:
+    place = {image_id: number for number, image_id in enumerate(ids)}
+    change = np.zeros((2, len(ids)), np.int64)
+    for pair, agrees in zip(pairs, holds, strict=True):
+        if pair.displacement < MIN_DISPLACEMENT:
+            continue  # at rest any motion fits, and none
+        for image_id, step in ((pair.image0, 1), (pair.image1, -1)):
+            change[:, place[image_id]] += step, step * int(not agrees)
+    across, against = np.cumsum(change, axis=1)[:, :-1]
+    lead = np.where(across >= MIN_ACROSS, 2 * against - across, 0)
+    if lead.max(initial=0) == 0:
+        return None
+    best = np.flatnonzero(lead == lead.max())
+    middle = int(best[len(best) // 2])
+    return Boundary(
+        before=ids[middle],
+        after=ids[middle + 1],
+        across=int(across[middle]),
+        against=int(against[middle]),
+    )
+
+
+def _with_parallax(
+    pairs: Sequence[PairEvidence], min_parallax: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Mark the pairs with enough parallax; where those are few, the better half."""
+    parallax = np.array([pair.parallax for pair in pairs], np.float64)
+    enough = parallax >= min_parallax
+    if enough.sum() < min(10, len(pairs)):
+        enough[:] = False
+        enough[np.argsort(-parallax, kind="stable")[: max(1, len(pairs) // 2)]] = True
+    return enough
 
 
 def _cosine(translation: np.ndarray[tuple[int], np.dtype[np.float64]], pair: PairEvidence) -> float:

@@ -18,14 +18,13 @@ import numpy as np
 
 from mvmatch.sfm.adjust import fit_focal_length, focal_change
 from mvmatch.sfm.breaks import MIN_PART, runs
-from mvmatch.sfm.checks import compared_pairs, confirmed, relative_motion_errors, weakest_joint
+from mvmatch.sfm.checks import contradicted_boundary, weakest_joint
 from mvmatch.sfm.result import Joint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pycolmap
-    from numpy.typing import NDArray
 
     from mvmatch.sfm.checks import AcceptanceOptions, ModelCheck
     from mvmatch.sfm.evidence import Evidence
@@ -123,28 +122,9 @@ def _weakest(
 def _contradicted(
     model: pycolmap.Reconstruction, evidence: Evidence, options: AcceptanceOptions
 ) -> tuple[Joint, ...]:
-    """Find the cut where the pairs across that contradict outnumber the others by most."""
-    pairs = compared_pairs(model, evidence, options)
-    holds = confirmed(relative_motion_errors(model, pairs), options)
-    ids = evidence.image_ids
-    spans = [(ids.index(pair.image0), ids.index(pair.image1)) for pair in pairs]
-    against = _across(spans, ~holds, len(ids))
-    votes = against - _across(spans, holds, len(ids))
-    if not len(votes) or votes.max() <= 0:
+    """Find the boundary that most of the pairs across speak against."""
+    found = contradicted_boundary(model, evidence, options)
+    if found is None:
         return ()
-    best = np.flatnonzero(votes == votes.max())
-    place = int(best[len(best) // 2])
-    across = 2 * int(against[place]) - int(votes[place])
-    reason = f"{against[place]} of the {across} image pairs across contradict the model"
-    return (Joint(before=ids[place], after=ids[place + 1], reason=reason),)
-
-
-def _across(
-    spans: Sequence[tuple[int, int]], counted: NDArray[np.bool_], num_images: int
-) -> NDArray[np.int64]:
-    """(F - 1,) number of counted pairs across each boundary."""
-    change = np.zeros(num_images, np.int64)
-    for (first, last), counts in zip(spans, counted, strict=True):
-        change[first] += int(counts)
-        change[last] -= int(counts)
-    return np.cumsum(change)[:-1]
+    reason = f"{found.against} of the {found.across} image pairs across contradict the model"
+    return (Joint(before=found.before, after=found.after, reason=reason),)
