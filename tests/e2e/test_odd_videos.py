@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
+from mvmatch.encode.svt import ordinary_scheduling
 from mvmatch.store import read_tracks
 from mvmatch.testing import synthetic_drive
 
@@ -66,6 +67,8 @@ def write_video(
         stream.codec_context.time_base = MILLISECOND
         if rotation:
             stream.set_display_rotation(rotation)
+        with ordinary_scheduling():
+            container.start_encoding()
         for index, picture in enumerate(pictures):
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
             frame = frame.reformat(format=pixels)
@@ -217,7 +220,7 @@ def test_of_two_shots_the_longer_one_is_modelled(
     assert why["code"] == ("key-frame" if codec == "libsvtav1" else "scene-cut")
     assert (why["frames"], missing["frames"]) == ([[14, 14]], [[14, 19]])
     assert report["footage"]["breaks"] == [14]
-    assert "14" in warning(report, "the model holds one")
+    assert "14" in warning(report, "each model holds one")
 
 
 def test_a_calibration_of_opencv_at_twice_the_size_fits_the_drive(

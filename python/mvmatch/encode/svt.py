@@ -70,7 +70,7 @@ def encode_to_ivf(
             if not times:
                 # Images use all 256 values, most video does not: players have to know.
                 stream.codec_context.color_range = frame.color_range
-                with _ordinary_scheduling():
+                with ordinary_scheduling():
                     container.start_encoding()
             times.append(frame.pts or 0)
             # The real times come back when the packets are copied: SVT wants a steady clock.
@@ -83,7 +83,7 @@ def encode_to_ivf(
 
 
 @contextmanager
-def _ordinary_scheduling() -> Generator[None]:
+def ordinary_scheduling() -> Generator[None]:
     """Undo what SVT does for the super-user on Linux when it starts.
 
     It puts its threads and the one that calls it under SCHED_FIFO at the highest priority, for as
