@@ -98,10 +98,11 @@ def ordinary_scheduling() -> Generator[None]:
     try:
         yield
     finally:
-        os.sched_setscheduler(0, policy, parameters)
-        for thread in set(_THREADS.iterdir()) - before:
+        started = {int(thread.name) for thread in set(_THREADS.iterdir()) - before}
+        for thread in (0, *started):
             with suppress(ProcessLookupError):
-                os.sched_setscheduler(int(thread.name), policy, parameters)
+                if os.sched_getscheduler(thread) != policy:
+                    os.sched_setscheduler(thread, policy, parameters)
 
 
 @contextmanager

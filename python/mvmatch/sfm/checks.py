@@ -64,7 +64,7 @@ class Boundary:
 
     A model whose first images lie wrong agrees with nearly all pairs, but with none of those that
     reach from the wrong part to the right one, whatever their parallax. Measured: where a model is
-    right no pair contradicts it at any boundary.
+    right no pair contradicts it at any boundary, or few where patterns repeat.
     """
 
     before: int
