@@ -1,8 +1,12 @@
 """Points of models against the true surface of a small scene."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from mvmatch.bench import sfm, sfm_clouds
+from mvmatch.bench.apart import Apart
 from mvmatch.bench.cloud import (
     CloudOptions,
     JudgedCloud,
@@ -199,6 +203,48 @@ def test_at_equal_completeness_the_fuller_cloud_gives_up_its_worst_points():
     swapped = at_equal_completeness(part, full, 0.5)
     assert [each.num_points for each in swapped] == [4, 4]
     assert swapped[1].accuracy.mean == pytest.approx(0.015)
+
+
+def test_models_of_a_benchmark_are_compared_with_that_of_sift(tmp_path, monkeypatch):
+    monkeypatch.setattr(sfm_clouds, "open_sequence", lambda *_: sequence())
+    grid = np.stack(np.meshgrid(np.arange(-6, 8, 0.25), np.arange(-4, 4, 0.25), [10.0]), axis=-1)
+    full, part = grid.reshape(-1, 3), grid.reshape(-1, 3)[::3]
+    results = []
+    for method, points in (("sift", part), ("svt-dense", full)):
+        model(points).write(made := fresh(tmp_path / method))
+        results.append({
+            "sequence": "plates", "intrinsics": "known", "method": method, "key": method,
+            "error": None, "run": {"accepted": True, "registered": NUM_FRAMES, "model": str(made)},
+            "model": {"cloud": {"chamfer": 0.1}, "ate_percent": 0.01},
+        })  # fmt: skip
+    options = sfm.SfmOptions(data=(), out=tmp_path / "out")
+    cells = [
+        sfm.SfmCell(sequence="plates", method=each["method"], intrinsics="known",
+                    folder=tmp_path, options=options)
+        for each in results
+    ]  # fmt: skip
+    monkeypatch.setattr(sfm_clouds, "run_apart", called_here)
+
+    (compared,) = sfm_clouds.compare_clouds(cells, results)
+    assert (compared["error"], compared["reference"]) == (None, "sift")
+    (row,) = compared["rows"]
+    assert row["method"] == "svt-dense"
+    assert row["sift"]["num_points"] == len(part)
+    assert row["own"]["num_points"] < len(full)
+    assert row["own"]["recall"] >= row["sift"]["recall"] > 0
+
+    monkeypatch.setattr(sfm_clouds, "run_apart", None)
+    assert sfm_clouds.compare_clouds(cells, results) == [compared]
+
+
+def fresh(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def called_here(function, *arguments, **_) -> Apart:
+    value = function(*arguments)
+    return Apart(value=value, error=None, wall_s=0.0, cpu_s=0.0, peak_rss_mb=None)
 
 
 def test_no_shorter_part_of_the_fuller_cloud_would_do():

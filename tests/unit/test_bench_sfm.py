@@ -66,6 +66,20 @@ def test_a_second_benchmark_keeps_results_and_another_judgement_keeps_runs(finis
     assert judged["run"] == json.loads(json.dumps(results[1]["run"]))
 
 
+def test_more_draws_keep_those_that_are_judged(finished):
+    options, results = finished
+    base = {"methods": ("svt-default",), "out": options.out}
+    (cell,) = sfm.sfm_cells(options_of(options.data[0], **base))
+    kept = cell.work / "draws" / "0.json"
+    marked = json.loads(kept.read_text()) | {"reasons": ["from the file"]}
+    kept.write_text(json.dumps(marked))
+
+    (more,) = sfm.run_sfm(options_of(options.data[0], resamplings=2, **base))
+    assert [draw["draw"] for draw in more["draws"]] == [0, 1]
+    assert more["draws"][0] == results[1]["draws"][0] | {"reasons": ["from the file"]}
+    assert more["draws"][1]["ate_percent"] != more["draws"][0]["ate_percent"]
+
+
 def test_the_verb_prints_tables_and_all_results_as_json(data, finished, capsys):
     from mvmatch.cli import main
 
@@ -199,3 +213,18 @@ def test_ratios_to_sift_are_shown_with_and_without_the_encoding():
     assert costs.startswith("| svt-fast | 2.0 | 4.0 | 1.0 | 3.0 | 4.0 | 4.0 | 2.7 | 2.3 | 200 |")
     # 0.1 CPU s for an iteration of bundle adjustment over 20 observations.
     assert "| 100.0 | 5,000.0 |" in costs
+
+
+def test_clouds_at_equal_completeness_stand_below_those_as_they_are():
+    figures = {"num_points": 1200, "recall": 0.305, "accuracy": 0.01, "chamfer": 0.02}
+    worse = figures | {"num_points": 700, "recall": 0.3, "chamfer": 0.03}
+    compared = {
+        "sequence": "drive", "intrinsics": "known", "error": None, "reference": "sift",
+        "rows": [{"method": "svt-fast", "own": figures, "sift": worse}],
+    }  # fmt: skip
+    results = [result("sift", 0.05), result("svt-fast", 0.1)]
+    table = sfm_tables(results, [compared])
+    assert "| svt-fast | 30.0 | 1,200 | 700 | 0.0100 | 0.0100 | 0.0200 | 0.0300 |" in table
+    failed = sfm_tables(results, [compared | {"error": "no memory", "rows": []}])
+    assert "Clouds were not compared: no memory" in failed
+    assert "equal completeness" not in sfm_tables(results)

@@ -26,7 +26,7 @@ from mvmatch.bench.run import (
     open_sequence,
     prepare_clip,
 )
-from mvmatch.bench.sfm_judge import judge_draws, judge_model
+from mvmatch.bench.sfm_judge import Draws, judge_model
 from mvmatch.bench.sfm_methods import METHODS, Input, VectorRun, sources_of
 from mvmatch.bench.store import Result, fill_cells, stored, write_json
 from mvmatch.errors import DataError
@@ -79,6 +79,11 @@ class SfmCell:
     options: SfmOptions
 
     @property
+    def name(self) -> str:
+        """What progress is told under."""
+        return f"{self.sequence} {self.method} {self.intrinsics}"
+
+    @property
     def path(self) -> Path:
         """File of the result."""
         return self.options.out / CELLS / self.sequence / f"{self.method}-{self.intrinsics}.json"
@@ -96,10 +101,14 @@ class SfmCell:
         return self._digest(METHODS[self.method], self.options.max_frames, code_digest(sources))
 
     @property
+    def draw_key(self) -> str:
+        """Digest of everything a resampling of the run depends on, but for its number."""
+        return self._digest(self.run_key, self.options.kept, code_digest(_JUDGES))
+
+    @property
     def key(self) -> str:
         """Digest of everything the result depends on."""
-        options = self.options
-        return self._digest(self.run_key, options.resamplings, options.kept, code_digest(_JUDGES))
+        return self._digest(self.draw_key, self.options.resamplings)
 
     def _digest(self, *values: Any) -> str:
         own = [self.sequence, self.method, self.intrinsics, folder_digest(self.folder)]
@@ -145,7 +154,7 @@ def run_sfm(
         reason), ``total`` pictures, ``encoding`` (``seconds``, ``cpu_seconds``, ``num_bytes``; None
         where images are read), ``run`` (``wall_s``, ``cpu_s``, ``peak_rss_mb``, ``accepted``,
         ``registered``, ``reasons``, ``stages``), ``model`` (:func:`judge_model`), ``draws``
-        (:func:`judge_draws`), and the provenance.
+        (:meth:`Draws.judged`), and the provenance.
     """
     return fill_cells(sfm_cells(options), compute_cell, tell or _untold)
 
@@ -215,10 +224,17 @@ def _judge(cell: SfmCell, given: Input, model: str | None) -> dict[str, Any]:
     options = cell.options
     sequence = open_sequence(cell.folder, cell.sequence, options.max_frames)
     samples = [Sample(share=options.kept, seed=seed) for seed in range(options.resamplings)]
-    method = METHODS[cell.method]
+    draws = Draws(
+        method=METHODS[cell.method],
+        given=given,
+        out=cell.work / "out",
+        sequence=sequence,
+        store=cell.work / "draws",
+        key=cell.draw_key,
+    )
     return {
         "model": judge_model(None if model is None else Path(model), sequence),
-        "draws": judge_draws(method, given, cell.work / "out", sequence, samples),
+        "draws": [draws.judged(sample) for sample in samples],
     }
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mvmatch.bench.cloud import measure_cloud
 from mvmatch.bench.mapping import count_points, pose_errors
+from mvmatch.bench.store import stored, write_json
 from mvmatch.colmap_log import quiet_colmap
 from mvmatch.errors import DataError
 from mvmatch.measure import StageClock
@@ -60,32 +62,47 @@ def judge_model(path: Path | None, sequence: Sequence, *, cloud: bool = True) ->
     }
 
 
-def judge_draws(
-    method: VectorRun | SiftRun, given: Input, out: Path, sequence: Sequence, samples: list[Sample]
-) -> list[dict[str, Any]]:
-    """Map anew from shares of the points of a run, and compare with the true trajectory.
+@dataclass(frozen=True, kw_only=True)
+class Draws:
+    """Models of shares of the points of a run, one file each: they take long together."""
 
-    Returns
-    -------
-    list of dict
-        ``draw``, ``accepted``, ``registered``, ``ate_percent`` (infinite unless accepted),
-        ``reasons``.
-    """
-    rows: list[dict[str, Any]] = []
-    for sample in samples:
-        with tempfile.TemporaryDirectory(dir=out.parent) as folder:
-            model = method.resample(given, out, Path(folder), sample)
+    method: VectorRun | SiftRun
+    given: Input
+    out: Path
+    """Of the run."""
+    sequence: Sequence
+    store: Path
+    """Folder of what is judged already."""
+    key: str
+    """Digest of everything a draw depends on, but for its number."""
+
+    def judged(self, sample: Sample) -> dict[str, Any]:
+        """Map anew from a share of the points, and compare with the true trajectory.
+
+        Returns
+        -------
+        dict
+            ``draw``, ``accepted``, ``registered``, ``ate_percent`` (infinite unless accepted),
+            ``reasons``; of the file where there is one.
+        """
+        path = self.store / f"{sample.seed}.json"
+        row = stored(path, self.key)
+        if row is None:
+            row = {"key": self.key, "error": None, **self._judge(sample)}
+            write_json(path, row)
+        return {name: value for name, value in row.items() if name not in {"key", "error"}}
+
+    def _judge(self, sample: Sample) -> dict[str, Any]:
+        with tempfile.TemporaryDirectory(dir=self.out.parent) as folder:
+            model = self.method.resample(self.given, self.out, Path(folder), sample)
         delivered = model.reconstruction if model.accepted else None
-        rows.append(
-            {
-                "draw": sample.seed,
-                "accepted": model.accepted,
-                "registered": model.registered,
-                "ate_percent": pose_errors(delivered, sequence)["ate_percent"],
-                "reasons": list(model.reasons),
-            }
-        )
-    return rows
+        return {
+            "draw": sample.seed,
+            "accepted": model.accepted,
+            "registered": model.registered,
+            "ate_percent": pose_errors(delivered, self.sequence)["ate_percent"],
+            "reasons": list(model.reasons),
+        }
 
 
 def _cloud(model: pycolmap.Reconstruction, sequence: Sequence) -> dict[str, Any] | None:

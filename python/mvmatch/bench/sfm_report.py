@@ -32,23 +32,35 @@ NEAR = 0.01
 _VERDICTS = ("accepted", "refused", "wrong")
 
 
-def write_sfm_tables(results: Many[Result], options: SfmOptions) -> list[Path]:
+def write_sfm_tables(
+    results: Many[Result], clouds: Many[Result], options: SfmOptions
+) -> list[Path]:
     """Write ``sfm.md`` and ``sfm.json`` into the folder of a benchmark."""
     paths = [options.out / name for name in (TABLES, SUMMARY)]
-    paths[0].write_text(sfm_tables(results), encoding="utf-8")
+    paths[0].write_text(sfm_tables(results, clouds), encoding="utf-8")
     document = {
         **provenance(),
         "machine": machine(),
         "options": dataclasses.asdict(options),
         "cells": results,
+        "clouds": clouds,
     }
     paths[1].write_text(json.dumps(plain(document), indent=1), encoding="utf-8")
     return paths
 
 
-def sfm_tables(results: Many[Result]) -> str:
-    """Return all tables as Markdown."""
-    groups = list(_groups(results))
+def sfm_tables(results: Many[Result], clouds: Many[Result] = ()) -> str:
+    """Return all tables as Markdown.
+
+    Parameters
+    ----------
+    results : sequence
+        Of :func:`mvmatch.bench.sfm.run_sfm`.
+    clouds : sequence
+        Of :func:`mvmatch.bench.sfm_clouds.compare_clouds`.
+    """
+    compared = {(each["sequence"], each["intrinsics"]): each for each in clouds}
+    groups = list(groups_of(results))
     parts: list[str] = []
     for intrinsics in dict.fromkeys(result["intrinsics"] for result in results):
         chosen = [group for group in groups if group[0]["intrinsics"] == intrinsics]
@@ -62,14 +74,20 @@ def sfm_tables(results: Many[Result]) -> str:
         done = [result for result in group if result["error"] is None]
         if done:
             parts += [_models_table(done, reference), _costs_table(done, reference)]
-        clouds = [result for result in done if result["model"]["cloud"] is not None]
-        if clouds:
-            parts.append(_clouds_table(clouds))
+        parts += _clouds(done, compared.get((first["sequence"], first["intrinsics"])))
         failed = [result for result in group if result["error"] is not None]
         if failed:
             lines = [f"- {result['method']} failed: {result['error']}" for result in failed]
             parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
+
+
+def groups_of(results: Many[Result]) -> Iterator[list[Result]]:
+    """Yield the results of each sequence and intrinsics, in order."""
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for result in results:
+        groups.setdefault((result["sequence"], result["intrinsics"]), []).append(result)
+    yield from groups.values()
 
 
 def reference_of(group: Many[Result]) -> Result | None:
@@ -104,14 +122,6 @@ def _verdict(row: Mapping[str, Any], reference: Result | None) -> str:
 
 def _delivers(result: Result) -> bool:
     return result["error"] is None and result["run"]["accepted"]
-
-
-def _groups(results: Many[Result]) -> Iterator[list[Result]]:
-    """Yield the results of each sequence and intrinsics, in order."""
-    groups: dict[tuple[str, str], list[Result]] = {}
-    for result in results:
-        groups.setdefault((result["sequence"], result["intrinsics"]), []).append(result)
-    yield from groups.values()
 
 
 def _overview(groups: Many[Many[Result]]) -> str:
@@ -189,6 +199,17 @@ def _costs_table(results: Many[Result], reference: Result | None) -> str:
     return markdown([*titles, "BA µs / iteration, observation", "peak MB"], rows)
 
 
+def _clouds(done: Many[Result], compared: Result | None) -> list[str]:
+    """Return the tables of clouds: as they are, and at equal completeness."""
+    with_cloud = [result for result in done if result["model"]["cloud"] is not None]
+    tables = [_clouds_table(with_cloud)] if with_cloud else []
+    if compared is None:
+        return tables
+    if compared["error"] is not None:
+        return [*tables, f"Clouds were not compared: {compared['error']}"]
+    return [*tables, _equal_table(compared)] if compared["rows"] else tables
+
+
 def _clouds_table(results: Many[Result]) -> str:
     """Distances to the true surface, m, and the shares within a hundredth of the median depth."""
     rows: list[list[str]] = []
@@ -204,6 +225,21 @@ def _clouds_table(results: Many[Result]) -> str:
         ])  # fmt: skip
     titles = ["method", "accuracy m, median", "p90", "completeness m, median", "p90", "Chamfer m"]
     return markdown([*titles, "precision %", "recall %", "F %"], rows)
+
+
+def _equal_table(compared: Result) -> str:
+    """Own and SIFT's figures of the best points of either that cover as much."""
+    rows: list[list[str]] = []
+    for row in compared["rows"]:
+        own, sift = row["own"], row["sift"]
+        rows.append([
+            row["method"], _number(100 * min(own["recall"], sift["recall"]), 1),
+            *(f"{each['num_points']:,}" for each in (own, sift)),
+            *(_number(each[name], 4) for name in ("accuracy", "chamfer") for each in (own, sift)),
+        ])  # fmt: skip
+    titles = ["at equal completeness", "recall %", "points", "SIFT's points"]
+    titles += ["accuracy m, mean", "SIFT's accuracy", "Chamfer m", "SIFT's Chamfer"]
+    return markdown(titles, rows)
 
 
 def _near(cloud: Mapping[str, Any]) -> float:

@@ -179,12 +179,12 @@ def sfm(
     timeout
         Seconds after which a run is ended.
     """
-    from mvmatch.bench.sfm import SfmCell, SfmOptions, run_sfm
+    from mvmatch.bench.sfm import SfmCell, SfmOptions, run_sfm, sfm_cells
+    from mvmatch.bench.sfm_clouds import CloudsCell, compare_clouds
     from mvmatch.bench.sfm_report import TABLES, write_sfm_tables
 
-    def tell(cell: SfmCell, state: str) -> None:
-        where = f"{cell.sequence} {cell.method} {cell.intrinsics}"
-        print(f"{where}: {state}", file=sys.stderr, flush=True)
+    def tell(cell: SfmCell | CloudsCell, state: str) -> None:
+        print(f"{cell.name}: {state}", file=sys.stderr, flush=True)
 
     options = SfmOptions(
         data=tuple(data),
@@ -197,7 +197,8 @@ def sfm(
         timeout_s=timeout,
     )
     results = run_sfm(options, tell=tell)
-    made = write_sfm_tables(results, options)
+    clouds = compare_clouds(sfm_cells(options), results, tell=tell)
+    made = write_sfm_tables(results, clouds, options)
     failed = [
         f"{each['sequence']} {each['method']} {each['intrinsics']}"
         for each in results
@@ -206,7 +207,7 @@ def sfm(
     return Outcome(
         made=made,
         figures={"results": str(len(results)), "failed": ", ".join(failed) or "none"},
-        data={"cells": results},
+        data={"cells": results, "clouds": clouds},
         table=(out / TABLES).read_text(encoding="utf-8"),
     )
 
