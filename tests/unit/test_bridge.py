@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,8 @@ import pycolmap
 import pytest
 from scipy.spatial.distance import cdist
 
-from mvmatch.bridge import BridgeOptions, bridge_tracks, find_gaps
-from mvmatch.bridge.descriptors import mutual_matches
+from mvmatch.bridge import BridgeOptions, bridge_tracks, descriptors, find_gaps
+from mvmatch.bridge.descriptors import DescriptorMatcher, mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
 from mvmatch.footage import Footage
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
+
+    from mvmatch.bridge.descriptors import Features
 
 WIDTH, HEIGHT = 320, 240
 CAMERA = pycolmap.Camera(
@@ -122,6 +125,54 @@ def test_matches_are_those_of_an_exhaustive_search() -> None:
     found = mutual_matches(first.astype(np.float32), second.astype(np.float32))
     assert [tuple(pair) for pair in found.tolist()] == expected
     assert mutual_matches(found[:1].astype(np.float32), found.astype(np.float32)).shape == (0, 2)
+
+
+def features_of(pictures: Path) -> list[Features]:
+    return list(DescriptorMatcher(BridgeOptions(), CAMERA).extract(decoded(pictures)))
+
+
+def test_features_are_those_that_pycolmap_extracts_from_each_picture(pictures: Path) -> None:
+    options = pycolmap.FeatureExtractionOptions(pycolmap.FeatureExtractorType.SIFT)
+    options.sift.first_octave = 0
+    options.use_gpu = False
+    extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
+    for luma, found in zip(decoded(pictures), features_of(pictures), strict=True):
+        keypoints, expected = extractor.extract_from_uint8_array(luma)
+        assert np.array_equal(found.xy, np.array([(each.x, each.y) for each in keypoints]))
+        assert np.array_equal(found.descriptors.data, expected.data)
+
+
+def test_a_picture_without_features_matches_nothing(pictures: Path) -> None:
+    matcher = DescriptorMatcher(BridgeOptions(), CAMERA)
+    blank, seen = matcher.extract([np.zeros((HEIGHT, WIDTH), np.uint8), next(decoded(pictures))])
+    assert len(blank.xy) == 0
+    (none,) = matcher.match([(blank, seen)])
+    assert none.shape == (0, 2)
+    assert matcher.match([]) == []
+
+
+def test_matches_do_not_depend_on_how_many_pairs_are_matched_at_a_time(
+    pictures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    features, matcher = features_of(pictures), DescriptorMatcher(BridgeOptions(), CAMERA)
+    pairs = list(combinations(features, 2))
+    monkeypatch.setattr(descriptors, "MAX_WORKERS", 1)
+    alone = matcher.match(pairs)
+    monkeypatch.setattr(descriptors, "MAX_WORKERS", 4)
+    together = matcher.match(pairs)
+    assert sum(map(len, alone)) > 100
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_matches_of_chosen_features_bear_their_numbers_in_the_picture(pictures: Path) -> None:
+    first, second, *_ = features_of(pictures)
+    matcher = DescriptorMatcher(BridgeOptions(), CAMERA)
+    (whole,) = matcher.match([(first, second)])
+    chosen = np.sort(whole[::2, 0]).astype(np.int64)
+    (some,) = matcher.match([(first.only(chosen), second)])
+    assert set(some[:, 0]) <= set(chosen)
+    found = dict(whole.tolist())
+    assert np.mean([found[a] == b for a, b in some.tolist()]) > 0.95
 
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from mvmatch.bridge.options import BridgeOptions
 
 
+MIN_FOUND = 500
+"""Features of a picture that near pictures show; fewer say little, and all are matched."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bridge:
     """Tracks of descriptor matches around the gaps of a video."""
@@ -119,7 +123,8 @@ def bridge_tracks(
         if left:
             stretches = _stretches(left, reach, options.window)
             within = islice(pictures(), num_frames)
-            _match_around(stretches, max(options.window, 2 * reach), within, matcher, links)
+            windows = max(options.window, 2 * reach), options.near
+            _match_around(stretches, windows, within, matcher, links)
             left = still_open()
     bridged = tuple(gap for gap in gaps if gap not in left)
     return Bridge(tracks=links.tracks(), gaps=gaps, bridged=bridged)
@@ -127,24 +132,56 @@ def bridge_tracks(
 
 def _match_around(
     stretches: Sequence[range],
-    window: int,
+    windows: tuple[int, int],
     pictures: Iterable[NDArray[np.uint8]],
     matcher: DescriptorMatcher,
     links: Links,
 ) -> None:
-    """Match the pictures of each stretch with each other, as far as they are in the window."""
+    """Match the pictures of each stretch with those so far back, and by all features so far."""
+    window, whole = windows
     stretch_of = {frame: stretch for stretch in stretches for frame in stretch}
-    earlier: dict[int, Features] = {}
-    for frame, luma in enumerate(islice(pictures, stretches[-1].stop)):
-        if frame not in stretch_of:
-            continue
-        features = matcher.extract(luma)
+    read = enumerate(islice(pictures, stretches[-1].stop))
+    lumas = (luma for frame, luma in read if frame in stretch_of)
+    earlier: dict[int, _Picture] = {}
+    for frame, features in zip(sorted(stretch_of), matcher.extract(lumas), strict=False):
+        picture = _Picture(frame, features)
         earlier = {other: earlier[other] for other in earlier if other >= frame - window}
-        for other in reversed(earlier):  # the nearest first
-            if other in stretch_of[frame]:
-                matches = matcher.match(earlier[other], features)
-                links.add((other, earlier[other].xy), (frame, features.xy), matches)
-        earlier[frame] = features
+        # The nearest first.
+        others = [earlier[other] for other in reversed(earlier) if other in stretch_of[frame]]
+        near = [other for other in others if other.frame >= frame - whole]
+        pairs = [(other.features, features) for other in near]
+        _link(picture, near, matcher.match(pairs), links)
+        # What no near picture shows is rarely in a far one, and costs most of the time.
+        far = others[len(near) :]
+        pairs = [(other.found(), picture.found()) for other in far]
+        _link(picture, far, matcher.match(pairs), links)
+        earlier[frame] = picture
+
+
+class _Picture:
+    """Features of a picture, and which of them other pictures show."""
+
+    def __init__(self, frame: int, features: Features) -> None:
+        self.frame = frame
+        self.features = features
+        self.is_found = np.zeros(len(features.xy), np.bool_)
+
+    def found(self) -> Features:
+        """Features that other pictures show; all where these are few."""
+        numbers = np.flatnonzero(self.is_found)
+        return self.features if len(numbers) < MIN_FOUND else self.features.only(numbers)
+
+
+def _link(
+    picture: _Picture,
+    others: Sequence[_Picture],
+    found: Sequence[NDArray[np.uint32]],
+    links: Links,
+) -> None:
+    """Take the matches of earlier pictures with one."""
+    for other, matches in zip(others, found, strict=True):
+        links.add((other.frame, other.features.xy), (picture.frame, picture.features.xy), matches)
+        other.is_found[matches[:, 0]] = picture.is_found[matches[:, 1]] = True
 
 
 def _stretches(gaps: Sequence[int], reach: int, window: int) -> list[range]:

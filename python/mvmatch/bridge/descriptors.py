@@ -5,8 +5,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+import errno
+import os
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,11 +24,23 @@ from mvmatch.errors import UnsupportedError
 from mvmatch.geometry.two_view import fit_pair
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
     import pycolmap
     from numpy.typing import NDArray
 
     from mvmatch.bridge.loops import LoopOptions
     from mvmatch.bridge.options import BridgeOptions
+
+
+BATCH = 16
+"""Pictures whose features are extracted together."""
+
+MAX_SIDE = 1 << 16
+"""px; COLMAP would make larger pictures smaller."""
+
+MAX_WORKERS = 4
+"""Pairs of pictures that are matched at a time, at most."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,22 +49,29 @@ class Features:
 
     xy: NDArray[np.float32]
     """(K, 2) px of the picture, COLMAP origin."""
-    keypoints: pycolmap.FeatureKeypoints
+    keypoints: pycolmap.FeatureKeypoints | None
+    """For a network; None where there is none."""
     descriptors: pycolmap.FeatureDescriptors
+    chosen: NDArray[np.int64]
+    """(C,) numbers of those that are matched; with a network all are."""
+
+    def only(self, chosen: NDArray[np.int64]) -> Features:
+        """Choose which of them are matched."""
+        return dataclasses.replace(self, chosen=chosen)
 
     @cached_property
     def directions(self) -> NDArray[np.float32]:
-        """(K, D) descriptors of length 1."""
+        """(C, D) descriptors of length 1 of the chosen ones."""
         import pycolmap
 
         is_sift = self.descriptors.type == pycolmap.FeatureExtractorType.SIFT
         data = self.descriptors.data if is_sift else self.descriptors.to_float().data
-        values = np.asarray(data, np.float32)
+        values = np.asarray(data[self.chosen], np.float32)
         return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-6)
 
 
 class DescriptorMatcher:
-    """Extracts and matches on one thread, so that results repeat.
+    """Extracts and matches, each picture and each pair on one thread, so that results repeat.
 
     Raises
     ------
@@ -55,27 +81,48 @@ class DescriptorMatcher:
 
     def __init__(self, options: BridgeOptions | LoopOptions, camera: pycolmap.Camera) -> None:
         self._options, self._camera = options, camera
-        self._extractor, self._matcher = _engines(options.matcher, options.max_num_features)
+        self._network = None
+        self._extraction = _extraction(options.matcher, options.max_num_features)
+        if options.matcher != "sift":
+            self._network = _network(options.matcher, self._extraction)
         self._blas = ThreadpoolController()
 
-    def extract(self, luma: NDArray[np.uint8]) -> Features:
-        """Features of a picture, (H, W) grey values."""
-        keypoints, descriptors = self._extractor.extract_from_uint8_array(luma)
-        xy = np.array([(each.x, each.y) for each in keypoints], np.float32).reshape(-1, 2)
-        return Features(xy=xy, keypoints=keypoints, descriptors=descriptors)
+    def extract(self, pictures: Iterable[NDArray[np.uint8]]) -> Iterator[Features]:
+        """Features of each picture, (H, W) grey values, :data:`BATCH` of them at a time."""
+        remaining = iter(pictures)
+        while batch := list(islice(remaining, BATCH)):
+            if self._network is None:
+                yield from _extract_sift(batch, self._extraction)
+            else:
+                yield from (_extract(luma, self._network[0]) for luma in batch)
 
-    def match(self, first: Features, second: Features) -> NDArray[np.uint32]:
-        """(M, 2) numbers of features that match and keep to a camera motion; none if few do."""
-        if self._matcher is None:
-            with self._blas.limit(limits=1, user_api="blas"):
-                matches = mutual_matches(first.directions, second.directions)
+    def match(self, pairs: Sequence[tuple[Features, Features]]) -> list[NDArray[np.uint32]]:
+        """Match pairs of pictures.
+
+        Returns
+        -------
+        list of (M, 2) uint32
+            Numbers of features that match and keep to a camera motion; none if few do.
+        """
+        # One pair takes some 80 MB; what matches with a network has threads of its own.
+        workers = 1 if self._network is not None else min(MAX_WORKERS, os.cpu_count() or 1)
+        one_each = self._blas.limit(limits=1, user_api="blas")
+        with one_each, ThreadPoolExecutor(workers) as pool:
+            return list(pool.map(self._match, *zip(*pairs, strict=True))) if pairs else []
+
+    def _match(self, first: Features, second: Features) -> NDArray[np.uint32]:
+        if self._network is None:
+            alike = mutual_matches(first.directions, second.directions)
+            matches = np.column_stack([first.chosen[alike[:, 0]], second.chosen[alike[:, 1]]])
         else:
-            matches = self._matcher.match(
+            assert first.keypoints is not None
+            assert second.keypoints is not None
+            matches = self._network[1].match(
                 first.keypoints, first.descriptors, second.keypoints, second.descriptors
             )
         points = first.xy[matches[:, 0]], second.xy[matches[:, 1]]
         fit = fit_pair(*points, self._camera, self._camera, options=self._options.ransac)
-        inliers = matches[fit.inliers]
+        inliers = matches[fit.inliers].astype(np.uint32)
         return inliers if len(inliers) >= self._options.min_inliers else inliers[:0]
 
 
@@ -85,47 +132,98 @@ def require_matcher(name: str) -> None:
     Parameters
     ----------
     name : str
-        ``sift``, ``aliked``, or ``none``, which is always there.
+        ``sift``, ``aliked``, or ``none``; the first and the last are always there.
 
     Raises
     ------
     UnsupportedError
         The matcher does not work with the installed pycolmap.
     """
-    if name != "none":
-        _engines(name, 1)
+    if name not in {"none", "sift"}:
+        _network(name, _extraction(name, 1))
 
 
-def _engines(
-    name: str, max_num_features: int
-) -> tuple[pycolmap.FeatureExtractor, pycolmap.FeatureMatcher | None]:
-    """Return what extracts and what matches; None: :func:`mutual_matches` does."""
+def _extraction(name: str, max_num_features: int) -> pycolmap.FeatureExtractionOptions:
     import pycolmap
 
-    sift = name == "sift"
-    extractors, matchers = pycolmap.FeatureExtractorType, pycolmap.FeatureMatcherType
+    extractors = pycolmap.FeatureExtractorType
     extraction = pycolmap.FeatureExtractionOptions(
-        extractors.SIFT if sift else extractors.ALIKED_N16ROT
+        extractors.SIFT if name == "sift" else extractors.ALIKED_N16ROT
     )
-    extraction.num_threads = 1
     extraction.use_gpu = False
+    extraction.max_image_size = MAX_SIDE
     extraction.sift.max_num_features = max_num_features
     # Neighbouring pictures show things alike: no need to double them for the finest scale.
     extraction.sift.first_octave = 0
-    matching = pycolmap.FeatureMatchingOptions(matchers.ALIKED_LIGHTGLUE)
+    return extraction
+
+
+def _network(
+    name: str, extraction: pycolmap.FeatureExtractionOptions
+) -> tuple[pycolmap.FeatureExtractor, pycolmap.FeatureMatcher]:
+    """Return what extracts and what matches."""
+    import pycolmap
+
+    extraction.num_threads = 1
+    matching = pycolmap.FeatureMatchingOptions(pycolmap.FeatureMatcherType.ALIKED_LIGHTGLUE)
     matching.num_threads = 1
     matching.use_gpu = False
     cpu = pycolmap.Device.cpu
     try:
         with quiet_colmap():
             extractor = pycolmap.FeatureExtractor.create(extraction, cpu)
-            return extractor, None if sift else pycolmap.FeatureMatcher.create(matching, cpu)
+            return extractor, pycolmap.FeatureMatcher.create(matching, cpu)
     except RuntimeError as error:
         message = (
             f"pycolmap cannot match with {name} here: {error} "
             "Use sift, or install a pycolmap that has it"
         )
         raise UnsupportedError(message) from error
+
+
+def _extract(luma: NDArray[np.uint8], extractor: pycolmap.FeatureExtractor) -> Features:
+    keypoints, descriptors = extractor.extract_from_uint8_array(luma)
+    xy = np.array([(each.x, each.y) for each in keypoints], np.float32).reshape(-1, 2)
+    every = np.arange(len(xy))
+    return Features(xy=xy, keypoints=keypoints, descriptors=descriptors, chosen=every)
+
+
+def _extract_sift(
+    pictures: Sequence[NDArray[np.uint8]], extraction: pycolmap.FeatureExtractionOptions
+) -> list[Features]:
+    """Extract on all processors; features of a picture do not depend on their number.
+
+    pycolmap does so for files alone: from arrays it extracts one after the other.
+    """
+    import pycolmap
+
+    features: list[Features] = []
+    with tempfile.TemporaryDirectory() as name, quiet_colmap():
+        folder = Path(name)
+        for index, luma in enumerate(pictures):
+            # Not compressed: that takes as long as extracting.
+            if not pycolmap.Bitmap.from_array(luma).write(folder / f"{index:03d}.bmp"):
+                raise OSError(errno.EIO, "A picture could not be written", name)
+        database = folder / "features.db"
+        pycolmap.extract_features(
+            database,
+            folder,
+            camera_mode=pycolmap.CameraMode.PER_IMAGE,
+            extraction_options=extraction,
+            device=pycolmap.Device.cpu,
+        )
+        with pycolmap.Database.open(database) as found:
+            for image in sorted(found.read_all_images(), key=lambda each: each.name):
+                keypoints = found.read_keypoints(image.image_id)
+                features.append(
+                    Features(
+                        xy=np.ascontiguousarray(keypoints[:, :2], np.float32),
+                        keypoints=None,
+                        descriptors=found.read_descriptors(image.image_id),
+                        chosen=np.arange(len(keypoints)),
+                    )
+                )
+    return features
 
 
 def mutual_matches(

@@ -120,14 +120,14 @@ def close_loops(
         max_pairs=options.max_pairs,
         max_per_picture=options.max_per_picture,
     )
-    found = {pair: matcher.match(ordered[pair[0]], ordered[pair[1]]) for pair in candidates}
+    found = _matched(candidates, ordered, matcher)
     ends = {pair: _ends(pair, len(frames)) for pair, matches in found.items() if len(matches)}
     pairs = _pairs_of(ends.values())
+    found |= _matched([pair for pair in pairs if pair not in found], ordered, matcher)
     links = Links()
     for pair in pairs:
-        first, second = (ordered[place] for place in pair)
-        matches = found[pair] if pair in found else matcher.match(first, second)
-        links.add((int(frames[pair[0]]), first.xy), (int(frames[pair[1]]), second.xy), matches)
+        first, second = ((int(frames[place]), ordered[place].xy) for place in pair)
+        links.add(first, second, found[pair])
     tracks, closed = _that_close(links.tracks(), frames, ends, options.min_inliers)
     tied = _named(_pairs_of(ends[pair] for pair in closed), frames)
     return Loops(
@@ -144,7 +144,16 @@ def _features(
 ) -> dict[int, Features]:
     wanted = set(keyframes.tolist())
     read = enumerate(islice(pictures, max(wanted, default=-1) + 1))
-    return {frame: matcher.extract(luma) for frame, luma in read if frame in wanted}
+    lumas = (luma for frame, luma in read if frame in wanted)
+    return dict(zip(sorted(wanted), matcher.extract(lumas), strict=False))
+
+
+def _matched(
+    pairs: Sequence[Pair], features: Sequence[Features], matcher: DescriptorMatcher
+) -> dict[Pair, NDArray[np.uint32]]:
+    """Match pairs of key frames, given by position."""
+    chosen = [(features[first], features[second]) for first, second in pairs]
+    return dict(zip(pairs, matcher.match(chosen), strict=True))
 
 
 def _ends(pair: Pair, count: int) -> tuple[range, range]:

@@ -26,6 +26,9 @@ class BridgeOptions:
     window: int = 10
     """Pictures back that a picture is matched with where gaps lie so close that the stretches
     around them meet: tracks of vectors are short there, and only descriptors see far."""
+    near: int = 2
+    """Pictures back that a picture is matched with by all of its features; with those farther back
+    by the features that near pictures show as well: others are rarely found there."""
     max_num_features: int = 3000
     """Per picture, the largest first: with half of them poses are less exact, and matching is
     cheaper by a third."""
@@ -41,6 +44,7 @@ class BridgeOptions:
             "reach",
             "far_reach",
             "window",
+            "near",
             "max_num_features",
             "min_inliers",
         ):
