@@ -14,6 +14,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from mvmatch.bridge import BridgeOptions, bridge_tracks, descriptors, find_gaps
+from mvmatch.bridge.bridging import _Picture
 from mvmatch.bridge.descriptors import DescriptorMatcher, mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
@@ -173,6 +174,19 @@ def test_matches_of_chosen_features_bear_their_numbers_in_the_picture(pictures: 
     assert set(some[:, 0]) <= set(chosen)
     found = dict(whole.tolist())
     assert np.mean([found[a] == b for a, b in some.tolist()]) > 0.95
+
+
+def test_across_a_break_far_pictures_are_matched_by_all_of_their_features(pictures: Path) -> None:
+    first, second, third, *_ = features_of(pictures)
+    before, after, behind = (
+        _Picture(frame, each) for frame, each in enumerate((first, second, third))
+    )
+    before.find(np.array([1, 5], np.uint32))
+    after.find(np.array([2], np.uint32))
+    assert [each.chosen.tolist() for each in before.pair_with(after)] == [[1, 5], [2]]
+    assert (before.num_found, after.num_found, behind.num_found) == (2, 1, 0)
+    behind.side = 1
+    assert before.pair_with(behind) == (first, third)
 
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:

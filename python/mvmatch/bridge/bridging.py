@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from mvmatch.bridge.options import BridgeOptions
 
 
-MIN_FOUND = 500
-"""Features of a picture that near pictures show; fewer say little, and all are matched."""
+MIN_FOUND = 200
+"""Features of a picture that the near ones before it show; with fewer there is a break before it,
+and what near pictures show is not what far ones on its other side do."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,6 +144,7 @@ def _match_around(
     read = enumerate(islice(pictures, stretches[-1].stop))
     lumas = (luma for frame, luma in read if frame in stretch_of)
     earlier: dict[int, _Picture] = {}
+    side = 0
     for frame, features in zip(sorted(stretch_of), matcher.extract(lumas), strict=False):
         picture = _Picture(frame, features)
         earlier = {other: earlier[other] for other in earlier if other >= frame - window}
@@ -151,10 +153,10 @@ def _match_around(
         near = [other for other in others if other.frame >= frame - whole]
         pairs = [(other.features, features) for other in near]
         _link(picture, near, matcher.match(pairs), links)
-        # What no near picture shows is rarely in a far one, and costs most of the time.
+        side += picture.num_found < MIN_FOUND
+        picture.side = side
         far = others[len(near) :]
-        pairs = [(other.found(), picture.found()) for other in far]
-        _link(picture, far, matcher.match(pairs), links)
+        _link(picture, far, matcher.match([other.pair_with(picture) for other in far]), links)
         earlier[frame] = picture
 
 
@@ -164,12 +166,27 @@ class _Picture:
     def __init__(self, frame: int, features: Features) -> None:
         self.frame = frame
         self.features = features
-        self.is_found = np.zeros(len(features.xy), np.bool_)
+        self.side = 0
+        """Number of the break before it: near pictures on both sides of one share little."""
+        self._is_found = np.zeros(len(features.xy), np.bool_)
 
-    def found(self) -> Features:
-        """Features that other pictures show; all where these are few."""
-        numbers = np.flatnonzero(self.is_found)
-        return self.features if len(numbers) < MIN_FOUND else self.features.only(numbers)
+    @property
+    def num_found(self) -> int:
+        """Features that other pictures show."""
+        return int(np.count_nonzero(self._is_found))
+
+    def find(self, numbers: NDArray[np.uint32]) -> None:
+        """Note features that another picture shows."""
+        self._is_found[numbers] = True
+
+    def pair_with(self, later: _Picture) -> tuple[Features, Features]:
+        """Return what to match with a far picture: across a break all, else what near ones show."""
+        if self.side != later.side:
+            return self.features, later.features
+        return self._found(), later._found()
+
+    def _found(self) -> Features:
+        return self.features.only(np.flatnonzero(self._is_found))
 
 
 def _link(
@@ -181,7 +198,8 @@ def _link(
     """Take the matches of earlier pictures with one."""
     for other, matches in zip(others, found, strict=True):
         links.add((other.frame, other.features.xy), (picture.frame, picture.features.xy), matches)
-        other.is_found[matches[:, 0]] = picture.is_found[matches[:, 1]] = True
+        other.find(matches[:, 0])
+        picture.find(matches[:, 1])
 
 
 def _stretches(gaps: Sequence[int], reach: int, window: int) -> list[range]:
