@@ -189,6 +189,20 @@ def test_across_a_break_far_pictures_are_matched_by_all_of_their_features(pictur
     assert before.pair_with(behind) == (first, third)
 
 
+def test_a_place_seen_again_behind_other_pictures_is_found_by_all_features(pictures: Path) -> None:
+    there = list(decoded(pictures))[:3]
+    elsewhere = [np.ascontiguousarray(luma[:, ::-1]) for luma in there]
+    tracks = Tracks.concatenate(*(moving(frames, 50) for frames in (range(3), range(3, 6))))
+    bridge = bridge_tracks(
+        lambda: [*there, *elsewhere, there[0]],
+        tracks,
+        CAMERA,
+        num_frames=7,
+        options=BridgeOptions(min_tracks=20, window=8, near=2),
+    )
+    assert len(bridge.tracks.between(2, 6)) > 30
+
+
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:
     tracks = moving(range(6), 30)
     for options in (BridgeOptions(min_tracks=20), BridgeOptions(matcher="none", min_tracks=99)):

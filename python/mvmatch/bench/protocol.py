@@ -127,7 +127,7 @@ def run_protocol(
         ``linked`` of :meth:`VectorMethod.linked` or None), ``model`` (None without mapping),
         ``usage`` (:func:`_usage`), and the provenance.
     """
-    return fill_cells(protocol_cells(options, data, out), compute_cell, tell or _untold)
+    return fill_cells(protocol_cells(options, data, out), compute_cell, tell)
 
 
 def compute_cell(cell: ProtocolCell) -> Result:
@@ -215,7 +215,3 @@ def _usage(sampler: TreeSampler, begin: float, apart: Any) -> dict[str, Any]:
         "cpu_s": apart.cpu_s,
         "sampler_cpu_s": sampler.own_cpu_s,
     }
-
-
-def _untold(cell: ProtocolCell, state: str) -> None:
-    """Tell nobody."""

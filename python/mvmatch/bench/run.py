@@ -169,7 +169,7 @@ def run_cells(
         As in the files: ``sequence``, ``method``, ``key``, ``error`` (None or the reason),
         ``rows``, ``models``, ``cost``, and the provenance of each.
     """
-    return fill_cells(cells_of(options), _isolated, tell or _untold)
+    return fill_cells(cells_of(options), _isolated, tell)
 
 
 def compute_cell(cell: Cell) -> dict[str, Any]:
@@ -232,10 +232,6 @@ def prepare_clip(sequence: Sequence, folder: Path, out: Path, max_frames: int | 
         write_frames(sequence, partial)
         partial.replace(images)
     return Clip(images=images, num_frames=len(sequence), camera=sequence.camera, scratch=scratch)
-
-
-def _untold(cell: Cell, state: str) -> None:
-    """Tell nobody."""
 
 
 def _isolated(cell: Cell) -> dict[str, Any]:

@@ -156,7 +156,7 @@ def run_sfm(
         ``registered``, ``reasons``, ``stages``), ``model`` (:func:`judge_model`), ``draws``
         (:meth:`Draws.judged`), and the provenance.
     """
-    return fill_cells(sfm_cells(options), compute_cell, tell or _untold)
+    return fill_cells(sfm_cells(options), compute_cell, tell)
 
 
 def compute_cell(cell: SfmCell) -> Result:
@@ -236,7 +236,3 @@ def _judge(cell: SfmCell, given: Input, model: str | None) -> dict[str, Any]:
         "model": judge_model(None if model is None else Path(model), sequence),
         "draws": [draws.judged(sample) for sample in samples],
     }
-
-
-def _untold(cell: SfmCell, state: str) -> None:
-    """Tell nobody."""

@@ -89,7 +89,7 @@ def compare_clouds(
         first = firsts[reference["sequence"], reference["intrinsics"]]
         others = tuple(each for each in seen if not each["method"].startswith("sift"))
         wanted.append(CloudsCell(first=first, reference=reference, others=others))
-    return fill_cells(wanted, _compute, tell or _untold)
+    return fill_cells(wanted, _compute, tell)
 
 
 def _compute(cell: CloudsCell) -> Result:
@@ -130,7 +130,3 @@ def _figures(quality: CloudQuality, threshold: float) -> dict[str, float]:
         "accuracy": quality.accuracy.mean,
         "chamfer": quality.chamfer,
     }
-
-
-def _untold(cell: CloudsCell, state: str) -> None:
-    """Tell nobody."""

@@ -33,7 +33,7 @@ CellType = TypeVar("CellType", bound=Storable)
 def fill_cells(
     cells: Sequence[CellType],
     compute: Callable[[CellType], Result],
-    tell: Callable[[CellType, str], None],
+    tell: Callable[[CellType, str], None] | None,
 ) -> list[Result]:
     """Compute what is not on file and return the results of all cells.
 
@@ -45,8 +45,9 @@ def fill_cells(
         Gives the result of one cell; a failure is a result with an ``error``.
     tell : callable
         Told about every cell: ``"kept"`` or ``"running"`` before, ``"done"`` or the reason it
-        failed after.
+        failed after. None: nobody is.
     """
+    tell = tell or _untold
     results: list[Result] = []
     for cell in cells:
         result = stored(cell.path, cell.key)
@@ -77,3 +78,7 @@ def write_json(path: Path, value: Result) -> None:
     partial = path.with_name(f".{path.name}.partial")
     partial.write_text(json.dumps(value), encoding="utf-8")
     partial.replace(path)
+
+
+def _untold(cell: Storable, state: str) -> None:
+    """Tell nobody."""
