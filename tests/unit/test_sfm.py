@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from mvmatch.export.colmap import write_database
 from mvmatch.export.verification import VerificationOptions
 from mvmatch.geometry.trajectory import trajectory_error
 from mvmatch.sfm import AcceptanceOptions, MapperOptions, reconstruct
-from mvmatch.sfm.adjust import adjust, fit_squares
+from mvmatch.sfm.adjust import adjust, adjust_unknown_camera, fit_squares
 from mvmatch.sfm.breaks import hopeless
 from mvmatch.sfm.checks import Boundary, check_model, contradicted_boundary, weakest_joint
 from mvmatch.sfm.evidence import _selection, read_evidence
@@ -167,6 +168,26 @@ def test_a_guessed_focal_length_is_refined(tmp_path):
 
     assert result.registered == FRAMES
     assert result.reconstruction.camera(1).focal_length == pytest.approx(FOCAL, rel=0.02)
+
+
+@pytest.mark.parametrize("distortion", [0.0, -0.3])
+def test_distortion_is_refined_where_the_lens_has_it_and_nowhere_else(forward, distortion):
+    _, result = forward
+    model = pycolmap.Reconstruction(result.reconstruction)
+    prior = model.camera(1)
+    prior.model = pycolmap.CameraModelId.SIMPLE_RADIAL
+    prior.params = [FOCAL, 320, 240, 0]
+    lens = pycolmap.Camera(
+        model="SIMPLE_RADIAL", width=640, height=480, params=[FOCAL, 320, 240, distortion]
+    )
+    for image in model.images.values():
+        for point in image.points2D:
+            point.xy = lens.img_from_cam(np.append(prior.cam_from_img(point.xy), 1.0))
+
+    refined = adjust_unknown_camera(model, MapperOptions()).camera(1)
+
+    assert refined.params[3] == pytest.approx(distortion, rel=0.1, abs=0.0)
+    assert refined.focal_length == pytest.approx(FOCAL, rel=0.03)
 
 
 def test_a_camera_that_stands_still_gives_no_model_and_says_why(tmp_path):
@@ -368,15 +389,16 @@ def test_the_loss_is_as_tight_as_the_points_are_exact(forward) -> None:
         element = point.track.elements[0]
         model.image(element.image_id).points2D[element.point2D_idx].xy += np.array([2.0, 0.0])
 
-    def moved(loss_scale: float) -> float:
+    def moved(adjusted: Callable[[pycolmap.Reconstruction], object]) -> float:
         changed = pycolmap.Reconstruction(model)
-        adjust(changed, MapperOptions(loss_scale=loss_scale))
+        adjusted(changed)
         return max(
             float(np.linalg.norm(changed.image(image).projection_center() - center))
             for image, center in before.items()
         )
 
-    assert moved(1.0) < 0.5 * moved(0.0)
+    robust = moved(lambda changed: adjust(changed, MapperOptions()))
+    assert robust < 0.5 * moved(lambda changed: fit_squares(changed, "nothing"))
 
 
 def test_both_motions_that_a_plane_leaves_open_fit_its_matches(forward) -> None:

@@ -27,25 +27,21 @@ _logger = logging.getLogger(__name__)
 MIN_ERROR = 0.01
 """px; no loss is tighter, however exact the points are."""
 
+ROBUST_TOLERANCE = 1e-4
+"""Relative change of the cost at which the robust adjustment ends. Measured: a third of the rounds
+that 1e-6 takes, and the same path."""
 
-def adjust(
-    model: pycolmap.Reconstruction,
-    options: MapperOptions,
-    *,
-    refine: Literal["nothing", "focal length", "intrinsics"] = "nothing",
-    tolerance: float = 1e-6,
-) -> None:
-    """Adjust poses and points in place; before, if asked for, focal length, and distortion with it.
+FIT_RADIUS = 1e6
+"""Trust region that fits begin with. A drive straight ahead hardly tells a longer focal length from
+a longer way: from COLMAP's 1e4 the first step along that valley is so short that it passes for the
+end of it."""
 
-    The camera is fitted without a robust loss: near points move fast, have the larger errors, and
-    are the ones that know the focal length. ``tolerance`` is the relative change of the cost at
-    which the robust adjustment ends.
-    """
+
+def adjust(model: pycolmap.Reconstruction, options: MapperOptions) -> None:
+    """Adjust poses and points in place, with a robust loss and the intrinsics held."""
     import pycolmap
 
-    if refine != "nothing":
-        fit_squares(model, refine)
-    _solve(model, _adjustment(_loss_scale(model, options), tolerance))
+    _solve(model, _robust(_loss_scale(model, options)))
     # COLMAP's residual of a point behind the camera is zero: nothing in the solver keeps it out.
     pycolmap.ObservationManager(model).filter_observations_with_negative_depth()
     model.update_point_3d_errors()
@@ -56,12 +52,16 @@ def fit_squares(
 ) -> float:
     """Adjust poses, points and what is asked of the camera in place, by plain least squares.
 
+    A camera is always fitted without a robust loss: near points move fast, have the larger errors,
+    and are the ones that know the focal length.
+
     Returns
     -------
     float
         Final cost: half the sum of the squared residuals, px^2.
     """
-    adjustment = _adjustment(0.0)
+    adjustment = _adjustment()
+    adjustment.ceres.solver_options.initial_trust_region_radius = FIT_RADIUS
     adjustment.refine_focal_length = refine != "nothing"
     adjustment.refine_extra_params = refine == "intrinsics"
     return _solve(model, adjustment)
@@ -100,6 +100,33 @@ def adjust_known_camera(
         _untie_focal_lengths(camera, model.cameras[key])
     adjust(free, options)
     return free
+
+
+def adjust_unknown_camera(
+    model: pycolmap.Reconstruction, options: MapperOptions
+) -> pycolmap.Reconstruction:
+    """Return the model adjusted with the focal length that fits, and distortion if it is needed.
+
+    A drive straight ahead hardly tells distortion from a shorter focal length, and small errors
+    that lean the same way in all frames then bend the camera. So distortion stays as it is unless
+    refining it takes away a share of ``options.min_distortion_gain`` of the squared errors.
+    """
+    import pycolmap
+
+    chosen = pycolmap.Reconstruction(model)
+    cost = fit_squares(chosen, "focal length")
+    bent = pycolmap.Reconstruction(chosen)
+    gain = 1.0 - fit_squares(bent, "intrinsics") / max(cost, np.finfo(float).tiny)
+    _logger.info("refined distortion takes away %.2f %% of the squared errors", 100 * gain)
+    if gain >= options.min_distortion_gain and not is_bogus(bent):
+        chosen = bent
+    adjust(chosen, options)
+    return chosen
+
+
+def is_bogus(model: pycolmap.Reconstruction) -> bool:
+    """Return whether a camera has a focal length or a distortion that no lens has."""
+    return any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())
 
 
 def fit_focal_length(model: pycolmap.Reconstruction) -> float:
@@ -165,7 +192,19 @@ def _solve(model: pycolmap.Reconstruction, adjustment: pycolmap.BundleAdjustment
     return float(summary.ceres_summary.final_cost)
 
 
-def _adjustment(loss_scale: float, tolerance: float = 1e-6) -> pycolmap.BundleAdjustmentOptions:
+def _robust(loss_scale: float) -> pycolmap.BundleAdjustmentOptions:
+    """Of poses and points; ``loss_scale`` in px, 0 for plain least squares."""
+    import pycolmap
+
+    adjustment = _adjustment()
+    if loss_scale > 0:
+        adjustment.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+        adjustment.ceres.loss_function_scale = loss_scale
+    adjustment.ceres.solver_options.function_tolerance = ROBUST_TOLERANCE
+    return adjustment
+
+
+def _adjustment() -> pycolmap.BundleAdjustmentOptions:
     import pycolmap
 
     adjustment = pycolmap.BundleAdjustmentOptions()
@@ -177,10 +216,7 @@ def _adjustment(loss_scale: float, tolerance: float = 1e-6) -> pycolmap.BundleAd
     ceres.use_gpu = False
     # Images of a video share points with their neighbours only: factors stay sparse at any length.
     ceres.max_num_images_direct_sparse_cpu_solver = 1_000_000
-    if loss_scale > 0:
-        ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-        ceres.loss_function_scale = loss_scale
     ceres.solver_options.num_threads = 1
     ceres.solver_options.max_num_iterations = 50
-    ceres.solver_options.function_tolerance = tolerance
+    ceres.solver_options.function_tolerance = 1e-6
     return adjustment

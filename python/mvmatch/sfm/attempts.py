@@ -11,7 +11,14 @@ import math
 import shutil
 from typing import TYPE_CHECKING
 
-from mvmatch.sfm.adjust import adjust, adjust_known_camera, focal_change
+from mvmatch.sfm.adjust import (
+    adjust,
+    adjust_known_camera,
+    adjust_unknown_camera,
+    fit_squares,
+    focal_change,
+    is_bogus,
+)
 from mvmatch.sfm.checks import check_model
 from mvmatch.sfm.evidence import read_evidence
 from mvmatch.sfm.focal import estimate_focal
@@ -180,9 +187,10 @@ class Attempts:
 
         for rounds_left in reversed(range(self._options.max_refinements)):
             refined = pycolmap.Reconstruction(model)
-            adjust(refined, self._options, refine="focal length")
-            if any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in refined.cameras.values()):
-                break
+            fit_squares(refined, "focal length")
+            if is_bogus(refined):
+                adjust(model, self._options)
+                return model
             change = focal_change(model, refined)
             model = refined
             if change < 0.01 or rounds_left == 0:
@@ -192,10 +200,7 @@ class Attempts:
             if again is None or again.num_reg_images() < model.num_reg_images():
                 break
             model = again
-        final = pycolmap.Reconstruction(model)
-        adjust(final, self._options, refine="intrinsics")
-        bogus = any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in final.cameras.values())
-        return model if bogus else final
+        return adjust_unknown_camera(model, self._options)
 
     def _store_cameras(self, cameras: Mapping[int, pycolmap.Camera]) -> None:
         import pycolmap

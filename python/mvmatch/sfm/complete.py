@@ -30,10 +30,6 @@ _logger = logging.getLogger(__name__)
 TRIANGULATION = DensifyOptions(max_error=4.0, min_share=0.5)
 """Bounds as wide as the mapper's: poses are exact only after the adjustment that follows."""
 
-TOLERANCE = 1e-4
-"""Relative change of the cost at which the adjustment ends. Measured: a third of the rounds that
-1e-6 takes, and the same path."""
-
 
 def complete(
     model: pycolmap.Reconstruction, selection: KeyframeSelection, options: MapperOptions
@@ -60,7 +56,7 @@ def complete(
         model.num_reg_images() - len(selection.frames),
         added.num_added,
     )
-    adjust(model, options, tolerance=TOLERANCE)
+    adjust(model, options)
     return unregistered
 
 
