@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from mvmatch.bridge import BridgeOptions, bridge_tracks, descriptors, find_gaps
-from mvmatch.bridge.bridging import _Picture
+from mvmatch.bridge.bridging import MIN_FOUND, _Picture
 from mvmatch.bridge.descriptors import DescriptorMatcher, mutual_matches
 from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
@@ -135,6 +135,7 @@ def features_of(pictures: Path) -> list[Features]:
 def test_features_are_those_that_pycolmap_extracts_from_each_picture(pictures: Path) -> None:
     options = pycolmap.FeatureExtractionOptions(pycolmap.FeatureExtractorType.SIFT)
     options.sift.first_octave = 0
+    options.sift.peak_threshold = 0.01
     options.use_gpu = False
     extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
     for luma, found in zip(decoded(pictures), features_of(pictures), strict=True):
@@ -201,6 +202,23 @@ def test_a_place_seen_again_behind_other_pictures_is_found_by_all_features(pictu
         options=BridgeOptions(min_tracks=20, window=8, near=2),
     )
     assert len(bridge.tracks.between(2, 6)) > 30
+
+
+def test_behind_a_break_pictures_are_matched_with_a_whole_window_before_it(pictures: Path) -> None:
+    here = list(decoded(pictures))
+    there, elsewhere = [luma[:, ::-1] for luma in here], [255 - luma for luma in here]
+    both = np.hstack([elsewhere[1][:, : WIDTH // 2], here[1][:, WIDTH // 2 :]])
+    order = [here[0], here[1], there[0], there[1], elsewhere[0], both]
+    tracks = Tracks.concatenate(*(moving(frames, 50) for frames in (range(2), range(2, 4))))
+    bridge = bridge_tracks(
+        lambda: [np.ascontiguousarray(luma) for luma in order],
+        tracks,
+        CAMERA,
+        num_frames=6,
+        options=BridgeOptions(min_tracks=20, window=3, reach=1, far_reach=1, near=1),
+    )
+    assert len(bridge.tracks.between(4, 5)) > MIN_FOUND
+    assert len(bridge.tracks.between(1, 5)) > 30
 
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:

@@ -138,22 +138,28 @@ def _match_around(
     matcher: DescriptorMatcher,
     links: Links,
 ) -> None:
-    """Match the pictures of each stretch with those so far back, and by all features so far."""
+    """Match the pictures of each stretch with those so far back, and by all features so far.
+
+    Across a break time says little about what two pictures share: those up to a window behind one
+    are matched with all up to a window before it.
+    """
     window, whole = windows
     stretch_of = {frame: stretch for stretch in stretches for frame in stretch}
     read = enumerate(islice(pictures, stretches[-1].stop))
     lumas = (luma for frame, luma in read if frame in stretch_of)
     earlier: dict[int, _Picture] = {}
-    side = 0
+    side, broken = 0, -window
     for frame, features in zip(sorted(stretch_of), matcher.extract(lumas), strict=False):
         picture = _Picture(frame, features)
-        earlier = {other: earlier[other] for other in earlier if other >= frame - window}
+        oldest = (broken if frame < broken + window else frame) - window
+        earlier = {other: earlier[other] for other in earlier if other >= oldest}
         # The nearest first.
         others = [earlier[other] for other in reversed(earlier) if other in stretch_of[frame]]
         near = [other for other in others if other.frame >= frame - whole]
         pairs = [(other.features, features) for other in near]
         _link(picture, near, matcher.match(pairs), links)
-        side += picture.num_found < MIN_FOUND
+        if picture.num_found < MIN_FOUND:
+            side, broken = side + 1, frame
         picture.side = side
         far = others[len(near) :]
         _link(picture, far, matcher.match([other.pair_with(picture) for other in far]), links)

@@ -10,6 +10,7 @@ length, until it stays; the one whose model fits better is where mapping of the 
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -37,6 +38,9 @@ MAX_IMAGES = 16
 
 MAX_STEP = 4
 """Matches span ten frames: every fourth image still has two neighbours."""
+
+MAX_PAIRS = 3
+"""Initial pairs tried with one focal length: with a wrong one the mapper may refuse the first."""
 
 _MIN_SHARE = 0.7
 """A model with fewer observations than this share of the largest is no candidate."""
@@ -76,11 +80,14 @@ def estimate_focal(
         px; the prior where nothing could be mapped.
     """
     images, initial = thinned(evidence)
-    if initial is None:
-        return prior
+
+    def mapped(focal: float) -> pycolmap.Reconstruction | None:
+        models = (map_images(focal, images, pair) for pair in initial)
+        return next((model for model in models if model is not None), None)
+
     candidates: list[_Candidate] = []
     for factor in FACTORS:
-        candidate = _settle(factor * prior, lambda focal: map_images(focal, images, initial))
+        candidate = _settle(factor * prior, mapped)
         if candidate is not None and 1 / MAX_FACTOR <= candidate.focal / prior <= MAX_FACTOR:
             candidates.append(candidate)
     return _best(candidates, prior)
@@ -111,11 +118,11 @@ def _settle(
     return candidate
 
 
-def thinned(evidence: Evidence) -> tuple[list[int], PairEvidence | None]:
-    """Choose evenly spaced images around the strongest pair, and the strongest pair of these."""
+def thinned(evidence: Evidence) -> tuple[list[int], list[PairEvidence]]:
+    """Choose evenly spaced images around the strongest pair, and the strongest pairs of these."""
     strongest = evidence.strongest(1)
     if not strongest:
-        return [], None
+        return [], []
     middle = (strongest[0].image0 + strongest[0].image1) // 2
     ids = sorted({image for pair in evidence.pairs for image in (pair.image0, pair.image1)})
     images, inside = ids, list(evidence.pairs)
@@ -125,7 +132,7 @@ def thinned(evidence: Evidence) -> tuple[list[int], PairEvidence | None]:
         inside = [pair for pair in evidence.pairs if {pair.image0, pair.image1} <= set(images)]
         if inside:
             break
-    return images, max(inside, key=lambda pair: pair.strength, default=None)
+    return images, dataclasses.replace(evidence, pairs=tuple(inside)).strongest(MAX_PAIRS)
 
 
 def _around(middle: int, ids: list[int]) -> list[int]:
