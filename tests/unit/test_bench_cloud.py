@@ -205,6 +205,17 @@ def test_at_equal_completeness_the_fuller_cloud_gives_up_its_worst_points():
     assert swapped[1].accuracy.mean == pytest.approx(0.015)
 
 
+def test_the_mean_distance_of_the_surface_is_completeness_where_no_bound_is_given():
+    samples = np.column_stack([np.arange(10.0), np.zeros(10), np.zeros(10)])
+    full = judged(samples, np.arange(10) / 100, samples)
+    part = judged(samples[7:], np.full(3, 0.05), samples)  # 28 / 10 m
+
+    of_full, of_part = at_equal_completeness(full, part)
+    assert (of_full.num_points, of_part.num_points) == (3, 3)
+    assert of_full.completeness.mean == pytest.approx(of_part.completeness.mean)
+    assert of_full.chamfer - of_part.chamfer == pytest.approx((0.01 - 0.05) / 2)
+
+
 def test_models_of_a_benchmark_are_compared_with_that_of_sift(tmp_path, monkeypatch):
     monkeypatch.setattr(sfm_clouds, "open_sequence", lambda *_: sequence())
     grid = np.stack(np.meshgrid(np.arange(-6, 8, 0.25), np.arange(-4, 4, 0.25), [10.0]), axis=-1)
@@ -227,11 +238,13 @@ def test_models_of_a_benchmark_are_compared_with_that_of_sift(tmp_path, monkeypa
 
     (compared,) = sfm_clouds.compare_clouds(cells, results)
     assert (compared["error"], compared["reference"]) == (None, "sift")
-    (row,) = compared["rows"]
-    assert row["method"] == "svt-dense"
-    assert row["sift"]["num_points"] == len(part)
-    assert row["own"]["num_points"] < len(full)
-    assert row["own"]["recall"] >= row["sift"]["recall"] > 0
+    by_recall, by_distance = compared["rows"]
+    for row in (by_recall, by_distance):
+        assert row["method"] == "svt-dense"
+        assert row["sift"]["num_points"] == len(part)
+        assert row["own"]["num_points"] < len(full)
+    assert by_recall["own"]["recall"] >= by_recall["sift"]["recall"] > 0
+    assert by_distance["own"]["completeness"] <= by_distance["sift"]["completeness"]
 
     monkeypatch.setattr(sfm_clouds, "run_apart", None)
     assert sfm_clouds.compare_clouds(cells, results) == [compared]

@@ -216,15 +216,17 @@ def test_ratios_to_sift_are_shown_with_and_without_the_encoding():
 
 
 def test_clouds_at_equal_completeness_stand_below_those_as_they_are():
-    figures = {"num_points": 1200, "recall": 0.305, "accuracy": 0.01, "chamfer": 0.02}
+    figures = {"num_points": 1200, "recall": 0.305, "accuracy": 0.01, "completeness": 0.03}
+    figures |= {"chamfer": 0.02}
     worse = figures | {"num_points": 700, "recall": 0.3, "chamfer": 0.03}
     compared = {
         "sequence": "drive", "intrinsics": "known", "error": None, "reference": "sift",
-        "rows": [{"method": "svt-fast", "own": figures, "sift": worse}],
+        "rows": [{"method": "svt-fast", "equal": "recall", "own": figures, "sift": worse}],
     }  # fmt: skip
     results = [result("sift", 0.05), result("svt-fast", 0.1)]
     table = sfm_tables(results, [compared])
-    assert "| svt-fast | 30.0 | 1,200 | 700 | 0.0100 | 0.0100 | 0.0200 | 0.0300 |" in table
+    row = "| svt-fast | recall | 1,200 | 700 | 30.5 | 30.0 | 0.0100 | 0.0100 | 0.0300 | 0.0300 |"
+    assert f"{row} 0.0200 | 0.0300 |" in table
     failed = sfm_tables(results, [compared | {"error": "no memory", "rows": []}])
     assert "Clouds were not compared: no memory" in failed
     assert "equal completeness" not in sfm_tables(results)

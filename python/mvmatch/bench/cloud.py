@@ -212,7 +212,7 @@ def visible_surface(sequence: Sequence, options: CloudOptions | None = None) -> 
 
 
 def at_equal_completeness(
-    cloud: JudgedCloud, other: JudgedCloud, threshold: float
+    cloud: JudgedCloud, other: JudgedCloud, threshold: float | None = None
 ) -> tuple[CloudQuality, CloudQuality]:
     """Judge two clouds of one surface where they cover as much of it.
 
@@ -223,26 +223,34 @@ def at_equal_completeness(
     ----------
     cloud, other : JudgedCloud
         With one surface.
-    threshold : float
-        m; completeness is the recall at it.
+    threshold : float, optional
+        m; completeness is the recall at it. Without one it is the mean distance of the surface to
+        the nearest point, which is the half of the Chamfer distance that it then leaves equal.
 
     Returns
     -------
     tuple of CloudQuality
         Of both in the order given; the one that covers less whole.
     """
-    wanted = min(cloud.recall(threshold), other.recall(threshold))
+    wanted = min(_cover(cloud, threshold), _cover(other, threshold))
     return _reaching(cloud, threshold, wanted), _reaching(other, threshold, wanted)
 
 
-def _reaching(cloud: JudgedCloud, threshold: float, wanted: float) -> CloudQuality:
-    """Judge the fewest best points whose recall is at least the wanted."""
+def _cover(cloud: JudgedCloud, threshold: float | None, num_points: int | None = None) -> float:
+    """Return how much of the surface the best points cover, more being better."""
+    if threshold is not None:
+        return cloud.recall(threshold, num_points)
+    return -float(cloud_distance(cloud.surface.samples, cloud.points[:num_points]).mean())
+
+
+def _reaching(cloud: JudgedCloud, threshold: float | None, wanted: float) -> CloudQuality:
+    """Judge the fewest best points that cover at least the wanted."""
     total = len(cloud.points)
-    if cloud.recall(threshold) <= wanted:
+    if _cover(cloud, threshold) <= wanted:
         return cloud.quality()
-    # Recall never falls as points are added, so that bisection finds the first that reaches it.
+    # Cover never falls as points are added, so that bisection finds the first that reaches it.
     return cloud.quality(
-        bisect.bisect_left(range(total), wanted, key=lambda size: cloud.recall(threshold, size))
+        bisect.bisect_left(range(total), wanted, key=lambda size: _cover(cloud, threshold, size))
     )
 
 

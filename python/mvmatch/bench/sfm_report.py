@@ -229,16 +229,19 @@ def _clouds_table(results: Many[Result]) -> str:
 
 def _equal_table(compared: Result) -> str:
     """Own and SIFT's figures of the best points of either that cover as much."""
+    names = ("accuracy", "completeness", "chamfer")
     rows: list[list[str]] = []
     for row in compared["rows"]:
         own, sift = row["own"], row["sift"]
         rows.append([
-            row["method"], _number(100 * min(own["recall"], sift["recall"]), 1),
+            row["method"], row["equal"],
             *(f"{each['num_points']:,}" for each in (own, sift)),
-            *(_number(each[name], 4) for name in ("accuracy", "chamfer") for each in (own, sift)),
+            *(_number(100 * each["recall"], 1) for each in (own, sift)),
+            *(_number(each[name], 4) for name in names for each in (own, sift)),
         ])  # fmt: skip
-    titles = ["at equal completeness", "recall %", "points", "SIFT's points"]
-    titles += ["accuracy m, mean", "SIFT's accuracy", "Chamfer m", "SIFT's Chamfer"]
+    titles = ["at equal completeness", "equal is", "points", "SIFT's points"]
+    titles += ["recall %", "SIFT's", "accuracy m, mean", "SIFT's"]
+    titles += ["completeness m, mean", "SIFT's", "Chamfer m", "SIFT's"]
     return markdown(titles, rows)
 
 
