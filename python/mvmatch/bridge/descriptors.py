@@ -153,10 +153,8 @@ def _extraction(name: str, max_num_features: int) -> pycolmap.FeatureExtractionO
     extraction.use_gpu = False
     extraction.max_image_size = MAX_SIDE
     extraction.sift.max_num_features = max_num_features
-    # Neighbouring pictures show things alike: no need to double them for the finest scale, nor for
-    # the faintest features.
+    # Neighbouring pictures show things alike: no need to double them for the finest scale.
     extraction.sift.first_octave = 0
-    extraction.sift.peak_threshold = 0.01
     return extraction
 
 
