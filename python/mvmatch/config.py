@@ -75,7 +75,7 @@ class RunOptions:
             "paper": BridgeOptions(matcher="none"),
             "fast": BridgeOptions(max_num_features=1500),
         }
-        return cls(track=TrackOptions.preset(name), bridge=bridges.get(name) or BridgeOptions())
+        return cls(track=TrackOptions.preset(name), bridge=bridges.get(name, BridgeOptions()))
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:

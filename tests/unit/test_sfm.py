@@ -16,7 +16,7 @@ from mvmatch.sfm.adjust import adjust, adjust_unknown_camera, fit_squares
 from mvmatch.sfm.breaks import hopeless
 from mvmatch.sfm.checks import Boundary, check_model, contradicted_boundary, weakest_joint
 from mvmatch.sfm.evidence import _selection, read_evidence
-from mvmatch.sfm.focal import thinned
+from mvmatch.sfm.focal import FACTORS, estimate_focal, thinned
 from mvmatch.types import Tracks
 
 pycolmap = pytest.importorskip("pycolmap")
@@ -375,6 +375,22 @@ def test_a_thinned_sequence_has_a_measured_pair_even_if_its_gap_is_rare(tmp_path
         assert {pair.image0, pair.image1} <= set(images)
 
 
+def test_a_focal_length_is_tried_from_other_pairs_where_the_first_is_refused(forward):
+    path, result = forward
+    evidence = read_evidence(path)
+    _, pairs = thinned(evidence)
+    asked = []
+
+    def refuse_the_first(focal, images, initial):
+        asked.append((focal, initial))
+        return None if initial == pairs[0] else pycolmap.Reconstruction(result.reconstruction)
+
+    assert estimate_focal(FOCAL, evidence, refuse_the_first) != FOCAL
+    assert len(pairs) > 1
+    assert asked[:2] == [(FACTORS[0] * FOCAL, pair) for pair in pairs[:2]]
+    assert estimate_focal(FOCAL, evidence, lambda *_: None) == FOCAL
+
+
 def test_a_model_without_anything_to_adjust_is_adjusted_at_no_cost() -> None:
     model = pycolmap.Reconstruction()
     adjust(model, MapperOptions())
@@ -401,6 +417,7 @@ def test_the_loss_is_as_tight_as_the_points_are_exact(forward) -> None:
 
     robust = moved(lambda changed: adjust(changed, MapperOptions()))
     assert robust < 0.5 * moved(lambda changed: fit_squares(changed, "nothing"))
+    assert robust < moved(lambda changed: adjust(changed, MapperOptions(loss_scale=0.0)))
 
 
 def test_both_motions_that_a_plane_leaves_open_fit_its_matches(forward) -> None:
