@@ -108,7 +108,8 @@ def test_gaps_close_to_each_other_are_seen_from_as_far_as_the_window(pictures: P
     assert (0, 3) in matched((2, 4), window=3)
 
 
-def test_matches_are_those_of_an_exhaustive_search() -> None:
+def test_matches_are_those_of_an_exhaustive_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(descriptors, "ROWS", 64)
     random = np.random.default_rng(3)
     first = random.normal(size=(200, 8)).astype(np.float32)
     second = first[random.permutation(200)[:150]] + 0.2 * random.normal(size=(150, 8))

@@ -9,7 +9,7 @@ import dataclasses
 import errno
 import os
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mvmatch.bridge.options import BridgeOptions
 
 
-BATCH = 16
+BATCH = 8
 """Pictures whose features are extracted together."""
 
 MAX_SIDE = 1 << 16
@@ -41,6 +41,9 @@ MAX_SIDE = 1 << 16
 
 MAX_WORKERS = 4
 """Pairs of pictures that are matched at a time, at most."""
+
+ROWS = 256
+"""Descriptors that are compared with all others together: their cosines stay in the cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,13 +91,22 @@ class DescriptorMatcher:
         self._blas = ThreadpoolController()
 
     def extract(self, pictures: Iterable[NDArray[np.uint8]]) -> Iterator[Features]:
-        """Features of each picture, (H, W) grey values, :data:`BATCH` of them at a time."""
+        """Yield the features of each picture, (H, W) grey values.
+
+        SIFT takes :data:`BATCH` of them at a time, and the next ones while these are matched.
+        """
+        if self._network is not None:
+            yield from (_extract(luma, self._network[0]) for luma in pictures)
+            return
         remaining = iter(pictures)
-        while batch := list(islice(remaining, BATCH)):
-            if self._network is None:
-                yield from _extract_sift(batch, self._extraction)
-            else:
-                yield from (_extract(luma, self._network[0]) for luma in batch)
+        # Around the thread: two that set and restore COLMAP's level would cross.
+        with quiet_colmap(), ThreadPoolExecutor(1) as pool:
+            ahead: Future[list[Features]] | None = None
+            while batch := list(islice(remaining, BATCH)):
+                following = pool.submit(_extract_sift, batch, self._extraction)
+                yield from ahead.result() if ahead else ()
+                ahead = following
+            yield from ahead.result() if ahead else ()
 
     def match(self, pairs: Sequence[tuple[Features, Features]]) -> list[NDArray[np.uint32]]:
         """Match pairs of pictures.
@@ -104,7 +116,7 @@ class DescriptorMatcher:
         list of (M, 2) uint32
             Numbers of features that match and keep to a camera motion; none if few do.
         """
-        # One pair takes some 80 MB; what matches with a network has threads of its own.
+        # What matches with a network has threads of its own.
         workers = 1 if self._network is not None else min(MAX_WORKERS, os.cpu_count() or 1)
         one_each = self._blas.limit(limits=1, user_api="blas")
         with one_each, ThreadPoolExecutor(workers) as pool:
@@ -198,7 +210,7 @@ def _extract_sift(
     import pycolmap
 
     features: list[Features] = []
-    with tempfile.TemporaryDirectory() as name, quiet_colmap():
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for index, luma in enumerate(pictures):
             # Not compressed: that takes as long as extracting.
@@ -254,23 +266,31 @@ def mutual_matches(
     """
     if min(len(first), len(second)) < 2:
         return np.empty((0, 2), np.uint32)
-    alike = first @ second.T
-    there, is_clear = _nearest(alike, max_ratio, max_distance)
+    there, is_clear = _nearest(first, second, max_ratio, max_distance)
     here = np.flatnonzero(is_clear)
     there = there[here]
-    back, is_clear_back = _nearest(np.ascontiguousarray(alike[:, there].T), max_ratio, max_distance)
+    back, is_clear_back = _nearest(second[there], first, max_ratio, max_distance)
     kept = is_clear_back & (back == here)
     return np.column_stack([here[kept], there[kept]]).astype(np.uint32)
 
 
 def _nearest(
-    alike: NDArray[np.float32], max_ratio: float, max_distance: float
+    descriptors: NDArray[np.float32],
+    others: NDArray[np.float32],
+    max_ratio: float,
+    max_distance: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Column of the largest cosine of each row, and whether it stands out."""
-    rows, nearest = np.arange(len(alike)), alike.argmax(axis=1)
-    best = alike[rows, nearest]
-    alike[rows, nearest] = -1.0
-    next_best = alike.max(axis=1, initial=-1.0)
-    alike[rows, nearest] = best
-    distance, next_distance = (np.arccos(np.clip(each, -1.0, 1.0)) for each in (best, next_best))
+    """Return which other each descriptor is most similar to, and whether that one stands out."""
+    nearest = np.empty(len(descriptors), np.int64)
+    cosines = np.empty((2, len(descriptors)), np.float32)
+    table = np.empty((ROWS, len(others)), np.float32)
+    for start in range(0, len(descriptors), ROWS):
+        rows = slice(start, start + ROWS)
+        every = np.arange(len(descriptors[rows]))
+        alike = np.matmul(descriptors[rows], others.T, out=table[: len(every)])
+        nearest[rows] = best = alike.argmax(axis=1)
+        cosines[0, rows] = alike[every, best]
+        alike[every, best] = -1.0
+        cosines[1, rows] = alike.max(axis=1, initial=-1.0)
+    distance, next_distance = np.arccos(np.clip(cosines, -1.0, 1.0))
     return nearest, (distance <= max_distance) & (distance < max_ratio * next_distance)
