@@ -177,17 +177,25 @@ def test_matches_of_chosen_features_bear_their_numbers_in_the_picture(pictures: 
     assert np.mean([found[a] == b for a, b in some.tolist()]) > 0.95
 
 
-def test_across_a_break_far_pictures_are_matched_by_all_of_their_features(pictures: Path) -> None:
-    first, second, third, *_ = features_of(pictures)
-    before, after, behind = (
-        _Picture(frame, each) for frame, each in enumerate((first, second, third))
-    )
-    before.find(np.array([1, 5], np.uint32))
-    after.find(np.array([2], np.uint32))
-    assert [each.chosen.tolist() for each in before.pair_with(after)] == [[1, 5], [2]]
-    assert (before.num_found, after.num_found, behind.num_found) == (2, 1, 0)
-    behind.side = 1
-    assert before.pair_with(behind) == (first, third)
+def test_far_pictures_are_matched_by_what_near_ones_show_or_by_all(pictures: Path) -> None:
+    features, *_ = features_of(pictures)
+    picture = _Picture(0, features)
+    picture.find(np.arange(1, MIN_FOUND, dtype=np.uint32))
+    assert picture.telling() is features
+    picture.find(np.array([MIN_FOUND + 5], np.uint32))
+    assert picture.telling().chosen.tolist() == [*range(1, MIN_FOUND), MIN_FOUND + 5]
+
+
+def test_features_of_a_larger_picture_are_those_of_it_made_smaller(pictures: Path) -> None:
+    luma = next(decoded(pictures))
+    # Two by two px, with a row and a column left over.
+    large = np.pad(np.kron(luma, np.ones((2, 2), np.uint8)), ((0, 1), (0, 1)))
+    matcher = DescriptorMatcher(BridgeOptions(max_image_size=2 * WIDTH), CAMERA)
+    (small,) = matcher.extract([luma])
+    (found,) = matcher.extract([large])
+    assert len(small.xy) > 100
+    assert np.array_equal(found.xy, 2 * small.xy)
+    assert np.array_equal(found.descriptors.data, small.descriptors.data)
 
 
 def test_a_place_seen_again_behind_other_pictures_is_found_by_all_features(pictures: Path) -> None:
@@ -207,18 +215,22 @@ def test_a_place_seen_again_behind_other_pictures_is_found_by_all_features(pictu
 def test_behind_a_break_pictures_are_matched_with_a_whole_window_before_it(pictures: Path) -> None:
     here = list(decoded(pictures))
     there, elsewhere = [luma[:, ::-1] for luma in here], [255 - luma for luma in here]
-    both = np.hstack([elsewhere[1][:, : WIDTH // 2], here[1][:, WIDTH // 2 :]])
-    order = [here[0], here[1], there[0], there[1], elsewhere[0], both]
+    both, after = (
+        np.hstack([elsewhere[index][:, : WIDTH // 2], here[index][:, WIDTH // 2 :]])
+        for index in (1, 2)
+    )
+    order = [here[0], here[1], there[0], there[1], elsewhere[0], both, after]
     tracks = Tracks.concatenate(*(moving(frames, 50) for frames in (range(2), range(2, 4))))
     bridge = bridge_tracks(
         lambda: [np.ascontiguousarray(luma) for luma in order],
         tracks,
         CAMERA,
-        num_frames=6,
+        num_frames=7,
         options=BridgeOptions(min_tracks=20, window=3, reach=1, far_reach=1, near=1),
     )
     assert len(bridge.tracks.between(4, 5)) > MIN_FOUND
-    assert len(bridge.tracks.between(1, 5)) > 30
+    # More than a window apart, and seen by the picture between them.
+    assert len(bridge.tracks.between(1, 6)) > 30
 
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MIN_FOUND = 200
 """Features of a picture that the near ones before it show; with fewer there is a break before it,
-and what near pictures show is not what far ones on its other side do."""
+and it is matched with far ones by all of its features."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +148,7 @@ def _match_around(
     read = enumerate(islice(pictures, stretches[-1].stop))
     lumas = (luma for frame, luma in read if frame in stretch_of)
     earlier: dict[int, _Picture] = {}
-    side, broken = 0, -window
+    broken = -window
     for frame, features in zip(sorted(stretch_of), matcher.extract(lumas), strict=False):
         picture = _Picture(frame, features)
         oldest = (broken if frame < broken + window else frame) - window
@@ -159,10 +159,9 @@ def _match_around(
         pairs = [(other.features, features) for other in near]
         _link(picture, near, matcher.match(pairs), links)
         if picture.num_found < MIN_FOUND:
-            side, broken = side + 1, frame
-        picture.side = side
-        far = others[len(near) :]
-        _link(picture, far, matcher.match([other.pair_with(picture) for other in far]), links)
+            broken = frame
+        far, telling = others[len(near) :], picture.telling()
+        _link(picture, far, matcher.match([(other.telling(), telling) for other in far]), links)
         earlier[frame] = picture
 
 
@@ -172,8 +171,6 @@ class _Picture:
     def __init__(self, frame: int, features: Features) -> None:
         self.frame = frame
         self.features = features
-        self.side = 0
-        """Number of the break before it: near pictures on both sides of one share little."""
         self._is_found = np.zeros(len(features.xy), np.bool_)
 
     @property
@@ -185,14 +182,10 @@ class _Picture:
         """Note features that another picture shows."""
         self._is_found[numbers] = True
 
-    def pair_with(self, later: _Picture) -> tuple[Features, Features]:
-        """Return what to match with a far picture: across a break all, else what near ones show."""
-        if self.side != later.side:
-            return self.features, later.features
-        return self._found(), later._found()
-
-    def _found(self) -> Features:
-        return self.features.only(np.flatnonzero(self._is_found))
+    def telling(self) -> Features:
+        """Return what to match with far pictures: what near ones show, or all if that is little."""
+        found = np.flatnonzero(self._is_found)
+        return self.features.only(found) if len(found) >= MIN_FOUND else self.features
 
 
 def _link(

@@ -103,10 +103,26 @@ class DescriptorMatcher:
         with quiet_colmap(), ThreadPoolExecutor(1) as pool:
             ahead: Future[list[Features]] | None = None
             while batch := list(islice(remaining, BATCH)):
-                following = pool.submit(_extract_sift, batch, self._extraction)
+                following = pool.submit(self._extract_sift, batch)
                 yield from ahead.result() if ahead else ()
                 ahead = following
             yield from ahead.result() if ahead else ()
+
+    def _extract_sift(self, pictures: Sequence[NDArray[np.uint8]]) -> list[Features]:
+        """Extract on all processors; features of a picture do not depend on their number."""
+        bound = self._options.max_image_size
+        times = [-(-max(luma.shape) // bound) for luma in pictures]
+        small = [_shrunk(luma, each) for luma, each in zip(pictures, times, strict=True)]
+        found = _sift(small, self._extraction)
+        return [
+            Features(
+                xy=np.asarray(xy * each, np.float32),
+                keypoints=None,
+                descriptors=descriptors,
+                chosen=np.arange(len(xy)),
+            )
+            for each, (xy, descriptors) in zip(times, found, strict=True)
+        ]
 
     def match(self, pairs: Sequence[tuple[Features, Features]]) -> list[NDArray[np.uint32]]:
         """Match pairs of pictures.
@@ -200,16 +216,15 @@ def _extract(luma: NDArray[np.uint8], extractor: pycolmap.FeatureExtractor) -> F
     return Features(xy=xy, keypoints=keypoints, descriptors=descriptors, chosen=every)
 
 
-def _extract_sift(
+def _sift(
     pictures: Sequence[NDArray[np.uint8]], extraction: pycolmap.FeatureExtractionOptions
-) -> list[Features]:
-    """Extract on all processors; features of a picture do not depend on their number.
+) -> list[tuple[NDArray[np.float32], pycolmap.FeatureDescriptors]]:
+    """Return (K, 2) positions and descriptors of the features of each picture.
 
-    pycolmap does so for files alone: from arrays it extracts one after the other.
+    pycolmap uses all processors for files alone: from arrays it extracts one after the other.
     """
     import pycolmap
 
-    features: list[Features] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for index, luma in enumerate(pictures):
@@ -225,17 +240,25 @@ def _extract_sift(
             device=pycolmap.Device.cpu,
         )
         with pycolmap.Database.open(database) as found:
-            for image in sorted(found.read_all_images(), key=lambda each: each.name):
-                keypoints = found.read_keypoints(image.image_id)
-                features.append(
-                    Features(
-                        xy=np.ascontiguousarray(keypoints[:, :2], np.float32),
-                        keypoints=None,
-                        descriptors=found.read_descriptors(image.image_id),
-                        chosen=np.arange(len(keypoints)),
-                    )
+            images = sorted(found.read_all_images(), key=lambda each: each.name)
+            return [
+                (
+                    found.read_keypoints(image.image_id)[:, :2],
+                    found.read_descriptors(image.image_id),
                 )
-    return features
+                for image in images
+            ]
+
+
+def _shrunk(luma: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
+    """Return the means of so many by so many px; what is left over at the ends is cut off."""
+    if times == 1:
+        return luma
+    height, width = (side // times for side in luma.shape)
+    whole = luma[: height * times, : width * times]
+    steps = range(times)
+    total = sum(whole[y::times, x::times].astype(np.uint32) for y in steps for x in steps)
+    return np.asarray((total + times**2 // 2) // times**2, np.uint8)
 
 
 def mutual_matches(

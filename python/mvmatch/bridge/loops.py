@@ -51,6 +51,8 @@ class LoopOptions:
     """Pairs with any one key frame among them."""
     max_num_features: int = 1000
     """Per picture."""
+    max_image_size: int = 1280
+    """px; pictures whose longer side has more are made smaller for SIFT by a whole factor."""
     min_inliers: int = 30
     """Matches of a pair that keep to its essential matrix, and points that two pictures of each end
     of a loop see. Fewer can be chance, and the mapper registers no image on fewer."""
@@ -58,8 +60,14 @@ class LoopOptions:
     """Of the essential matrix that matches of a pair have to keep."""
 
     def __post_init__(self) -> None:
-        names = ("min_apart", "max_pairs", "max_per_picture", "max_num_features", "min_inliers")
-        for name in names:
+        for name in (
+            "min_apart",
+            "max_pairs",
+            "max_per_picture",
+            "max_num_features",
+            "max_image_size",
+            "min_inliers",
+        ):
             if getattr(self, name) < 1:
                 message = f"{name} is {getattr(self, name)}; it must be at least 1"
                 raise ValueError(message)
