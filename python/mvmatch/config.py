@@ -63,15 +63,18 @@ class RunOptions:
     def preset(cls, name: str) -> RunOptions:
         """Return the options that go with a preset of tracking.
 
-        ``paper`` has vectors alone: it bridges no gaps.
+        ``paper`` has vectors alone: it bridges no gaps. ``fast`` bridges them with smaller pictures.
 
         Raises
         ------
         ValueError
             There is no such preset (:meth:`mvmatch.tracks.TrackOptions.preset`).
         """
-        bridge = BridgeOptions(matcher="none") if name == "paper" else BridgeOptions()
-        return cls(track=TrackOptions.preset(name), bridge=bridge)
+        bridges = {
+            "paper": BridgeOptions(matcher="none"),
+            "fast": BridgeOptions(max_image_size=1280),
+        }
+        return cls(track=TrackOptions.preset(name), bridge=bridges.get(name, BridgeOptions()))
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:

@@ -183,6 +183,8 @@ def _extraction(name: str, max_num_features: int) -> pycolmap.FeatureExtractionO
     extraction.sift.max_num_features = max_num_features
     # Neighbouring pictures show things alike: no need to double them for the finest scale.
     extraction.sift.first_octave = 0
+    # Second orientations of a place rarely match, and take a tenth of the time.
+    extraction.sift.max_num_orientations = 1
     return extraction
 
 

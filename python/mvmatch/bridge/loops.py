@@ -51,7 +51,7 @@ class LoopOptions:
     """Pairs with any one key frame among them."""
     max_num_features: int = 1000
     """Per picture."""
-    max_image_size: int = 1280
+    max_image_size: int = 3200
     """px; pictures whose longer side has more are made smaller for SIFT by a whole factor."""
     min_inliers: int = 30
     """Matches of a pair that keep to its essential matrix, and points that two pictures of each end

@@ -27,15 +27,15 @@ class BridgeOptions:
     window: int = 10
     """Pictures back that a picture is matched with where gaps lie so close that the stretches
     around them meet: tracks of vectors are short there, and only descriptors see far."""
-    near: int = 3
+    near: int = 2
     """Pictures back that a picture is matched with by all of its features; with those farther back
     by the features that near pictures show as well: others are rarely found there."""
     max_num_features: int = 3000
     """Per picture, the largest first: with half of them poses are less exact, and matching is
     cheaper by a third."""
-    max_image_size: int = 1280
-    """px; pictures whose longer side has more are made smaller for SIFT by a whole factor: 1080p
-    takes a quarter of the time, for poses as exact."""
+    max_image_size: int = 3200
+    """px; pictures whose longer side has more are made smaller for SIFT, by a whole factor. 1080p
+    at half its size takes a third of the time; joints across wide gaps are weaker then."""
     min_inliers: int = 30
     """Matches of a pair that keep to its essential matrix. Fewer can be chance, and the mapper
     registers no image on fewer."""
