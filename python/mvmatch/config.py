@@ -63,7 +63,7 @@ class RunOptions:
     def preset(cls, name: str) -> RunOptions:
         """Return the options that go with a preset of tracking.
 
-        ``paper`` has vectors alone: it bridges no gaps. ``fast`` bridges them with smaller pictures.
+        ``paper`` has vectors alone: it bridges no gaps. ``fast`` bridges with smaller pictures.
 
         Raises
         ------
