@@ -111,7 +111,7 @@ class DescriptorMatcher:
     def _extract_sift(self, pictures: Sequence[NDArray[np.uint8]]) -> list[Features]:
         """Extract on all processors; features of a picture do not depend on their number."""
         bound = self._options.max_image_size
-        times = [-(-max(luma.shape) // bound) for luma in pictures]
+        times = [min(-(-max(luma.shape) // bound), *luma.shape) for luma in pictures]
         small = [_shrunk(luma, each) for luma, each in zip(pictures, times, strict=True)]
         found = _sift(small, self._extraction)
         return [
