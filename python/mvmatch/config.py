@@ -63,18 +63,15 @@ class RunOptions:
     def preset(cls, name: str) -> RunOptions:
         """Return the options that go with a preset of tracking.
 
-        ``paper`` has vectors alone: it bridges no gaps. ``fast`` bridges with smaller pictures.
+        ``paper`` has vectors alone: it bridges no gaps.
 
         Raises
         ------
         ValueError
             There is no such preset (:meth:`mvmatch.tracks.TrackOptions.preset`).
         """
-        bridges = {
-            "paper": BridgeOptions(matcher="none"),
-            "fast": BridgeOptions(max_image_size=1280),
-        }
-        return cls(track=TrackOptions.preset(name), bridge=bridges.get(name, BridgeOptions()))
+        bridge = BridgeOptions(matcher="none") if name == "paper" else BridgeOptions()
+        return cls(track=TrackOptions.preset(name), bridge=bridge)
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:
