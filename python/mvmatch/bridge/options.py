@@ -35,7 +35,7 @@ class BridgeOptions:
     cheaper by a third."""
     max_image_size: int = 3200
     """px; pictures whose longer side has more are made smaller for SIFT, by a whole factor. 1080p
-    at half its size takes a third of the time; joints across wide gaps are weaker then."""
+    at half its size takes a third of the time, but pictures on both sides of a jump share less."""
     min_inliers: int = 30
     """Matches of a pair that keep to its essential matrix. Fewer can be chance, and the mapper
     registers no image on fewer."""
