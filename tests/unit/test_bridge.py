@@ -133,7 +133,12 @@ def features_of(pictures: Path) -> list[Features]:
     return list(DescriptorMatcher(BridgeOptions(), CAMERA).extract(decoded(pictures)))
 
 
-def test_features_are_those_that_pycolmap_extracts_from_each_picture(pictures: Path) -> None:
+def test_features_are_those_that_pycolmap_extracts_from_each_picture(
+    pictures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Batches of which the next one is extracted while this one is used.
+    monkeypatch.setattr(descriptors, "BATCH", 2)
+    level = pycolmap.logging.minloglevel
     options = pycolmap.FeatureExtractionOptions(pycolmap.FeatureExtractorType.SIFT)
     options.sift.first_octave = 0
     options.sift.max_num_orientations = 1
@@ -143,6 +148,7 @@ def test_features_are_those_that_pycolmap_extracts_from_each_picture(pictures: P
         keypoints, expected = extractor.extract_from_uint8_array(luma)
         assert np.array_equal(found.xy, np.array([(each.x, each.y) for each in keypoints]))
         assert np.array_equal(found.descriptors.data, expected.data)
+    assert pycolmap.logging.minloglevel == level
 
 
 def test_a_picture_without_features_matches_nothing(pictures: Path) -> None:
