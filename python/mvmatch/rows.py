@@ -68,6 +68,37 @@ def observed(tracks: Tracks, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64]
     return track[starts], Tracks(offsets=offsets, frame=tracks.frame[rows], xy=tracks.xy[rows])
 
 
+def count_ties(
+    tracks: Tracks, num_frames: int, *, reach: int, ends: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """(F - 1,) tracks that tie each frame to the next one: seen twice up to it and twice after it.
+
+    All four observations lie within ``reach`` frames of the step between the two. One up to it
+    is enough where nothing goes on into the first of these frames, or one after it out of the
+    last: ``ends`` is a (F - 1,) mask of frames that nothing goes on from.
+    """
+    is_first = np.concatenate(([True], ends))
+    is_last = np.concatenate((ends, [True]))
+    change = np.zeros(num_frames + 1, np.int64)
+    for part in tracks.parts():
+        frame, track = part.frame.astype(np.int64), part.track_index
+        goes_on = np.flatnonzero(track[1:] == track[:-1])
+        last, first = frame[goes_on], frame[goes_on + 1]
+        padded = np.concatenate(([-1], track, [-1]))
+        has_before = padded[goes_on] == track[goes_on]
+        has_after = padded[goes_on + 3] == track[goes_on]
+        before = np.where(has_before, np.roll(frame, 1)[goes_on], last)
+        after = np.where(has_after, np.roll(frame, -2)[goes_on], first)
+        # The step from each frame k to the next with last <= k < first, before > k - reach and
+        # after <= k + reach.
+        start = np.maximum(last, after - reach)
+        stop = np.minimum(first, before + reach)
+        ties = (has_before | is_first[last]) & (has_after | is_last[first]) & (start < stop)
+        change += np.bincount(start[ties], minlength=len(change))
+        change -= np.bincount(stop[ties], minlength=len(change))
+    return np.cumsum(change)[: num_frames - 1]
+
+
 def selected(tracks: Tracks, keep: NDArray[np.bool_]) -> Iterator[Tracks]:
     """Yield the tracks where the (T,) mask holds, in parts."""
     first = 0

@@ -73,6 +73,16 @@ def test_a_gap_is_where_few_tracks_go_on() -> None:
     assert find_gaps(tracks, 6, min_tracks=3, jumps=(1, 3)) == (0, 2)
 
 
+def test_a_gap_is_where_tracks_go_on_too_briefly_to_hold_pictures_together() -> None:
+    brief = Tracks.concatenate(*(moving(range(first, first + 3), 9) for first in range(6)))
+    assert find_gaps(brief, 8, min_tracks=3) == (1, 2, 3, 4, 5)
+    held = Tracks.concatenate(brief, moving(range(4), 3), moving(range(2, 8), 3))
+    assert find_gaps(held, 8, min_tracks=3) == (2,), "the ends of these are seen once"
+    assert find_gaps(moving(range(0, 19, 2), 9), 19, min_tracks=3) == ()
+    far = find_gaps(moving(range(0, 21, 4), 9), 21, min_tracks=3)
+    assert set(range(20)) - set(far) == {3, 16}, "seen too far away, but at the ends"
+
+
 def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> None:
     tracks = Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50))
     bridge = bridge_tracks(

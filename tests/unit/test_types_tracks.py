@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from mvmatch import batches
 from mvmatch.errors import DataError
-from mvmatch.rows import count_entering, count_keypoints, during
+from mvmatch.rows import count_entering, count_keypoints, count_ties, during
 from mvmatch.types import Tracks
 
 THREE = Tracks.from_lists(
@@ -206,6 +207,27 @@ def test_keypoints_and_entering_tracks_are_counted():
     assert count_keypoints(THREE, 5).tolist() == [2, 3, 1, 1, 0]
     assert count_entering(THREE, 5).tolist() == [0, 2, 2, 1, 0]
     assert count_entering(Tracks.from_lists(), 2).tolist() == [0, 0]
+
+
+def test_tracks_that_tie_frames_are_those_seen_twice_on_both_sides_and_near():
+    tracks = scattered()
+    num_frames = int(tracks.frame.max()) + 1
+    ends = np.isin(np.arange(num_frames - 1), (4, 9))
+    first, last = {0, 5, 10}, {4, 9, num_frames - 1}
+    for reach in (2, 5, 20):
+        expected = []
+        for step in range(num_frames - 1):
+            count = 0
+            for start, stop in itertools.pairwise(tracks.offsets.tolist()):
+                frames = tracks.frame[start:stop].tolist()
+                before = [frame for frame in frames if frame <= step][-2:]
+                after = [frame for frame in frames if frame > step][:2]
+                both = len(before) == 2 or before[-1:] and before[-1] in first
+                both = both and (len(after) == 2 or after[:1] and after[0] in last)
+                count += bool(both and before[0] > step - reach and after[-1] <= step + reach)
+            expected.append(count)
+        assert count_ties(tracks, num_frames, reach=reach, ends=ends).tolist() == expected
+    assert count_ties(Tracks.from_lists(), 3, reach=2, ends=np.zeros(2, bool)).tolist() == [0, 0]
 
 
 def test_the_reach_is_the_largest_distance_of_a_pair():

@@ -15,7 +15,7 @@ import numpy as np
 
 from mvmatch.bridge.descriptors import DescriptorMatcher
 from mvmatch.bridge.links import Links
-from mvmatch.rows import count_entering
+from mvmatch.rows import count_entering, count_ties
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from mvmatch.bridge.options import BridgeOptions
 
 
+HELD = 5
+"""Pictures on each side of a step between pictures in which tracks that hold them together are seen
+twice."""
 MIN_FOUND = 200
 """Features of a picture that the near ones before it show; with fewer there is a break before it,
 and it is matched with far ones by all of its features."""
@@ -57,7 +60,9 @@ def find_gaps(
     num_frames : int
         Its pictures.
     min_tracks : int
-        Tracks with an observation at or before a picture and another one after it.
+        Tracks with an observation at or before a picture and another one after it. Between such
+        gaps as many have to be seen twice in the :data:`HELD` pictures on either side: a chain of
+        tracks that end as soon as they are points bends, and breaks.
     jumps : collection of int, optional
         Pictures before which a piece of the scene is missing (:class:`mvmatch.footage.Footage`):
         many of the tracks into them are wrong.
@@ -67,8 +72,10 @@ def find_gaps(
     tuple of int
         Display indices, rising; the last picture has none after it and is no gap.
     """
-    few = np.flatnonzero(count_entering(tracks, num_frames)[1:] < min_tracks).tolist()
-    return tuple(sorted({*few, *(jump - 1 for jump in jumps if 0 < jump < num_frames)}))
+    is_gap = count_entering(tracks, num_frames)[1:] < min_tracks
+    is_gap[[jump - 1 for jump in jumps if 0 < jump < num_frames]] = True
+    is_gap |= count_ties(tracks, num_frames, reach=HELD, ends=is_gap) < min_tracks
+    return tuple(np.flatnonzero(is_gap).tolist())
 
 
 def bridge_tracks(
