@@ -30,9 +30,10 @@ class MapperOptions:
     contradicts it."""
     min_focal_error: float = 0.02
     """px; root mean square of the errors that a corrected focal length must take away (``auto``).
-    Measured: 0.035 and more where the calibration is wrong, at most 0.010 where it is exact."""
-    focal_tolerance: float = 0.005
-    """Relative change of a given focal length below which it is kept (``auto``)."""
+    Measured: 0.035 and more where the calibration is wrong, at most 0.025 where it is exact."""
+    focal_tolerance: float = 0.01
+    """Relative change of a given focal length below which it is kept (``auto``): calibrations are
+    that exact, and errors of tracks, which lean the same way in all frames, ask for as much."""
     max_focal_change: float = 0.05
     """Relative change of a given focal length above which the change is not believed."""
     min_distortion_gain: float = 0.03
