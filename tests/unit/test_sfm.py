@@ -170,10 +170,9 @@ def test_a_guessed_focal_length_is_refined(tmp_path):
     assert result.reconstruction.camera(1).focal_length == pytest.approx(FOCAL, rel=0.02)
 
 
-@pytest.mark.parametrize("distortion", [0.0, -0.3])
-def test_distortion_is_refined_where_the_lens_has_it_and_nowhere_else(forward, distortion):
-    _, result = forward
-    model = pycolmap.Reconstruction(result.reconstruction)
+def seen_through_a_lens(model, distortion):
+    """A model whose pictures were taken with distortion, and whose camera has none."""
+    model = pycolmap.Reconstruction(model)
     prior = model.camera(1)
     prior.model = pycolmap.CameraModelId.SIMPLE_RADIAL
     prior.params = [FOCAL, 320, 240, 0]
@@ -183,11 +182,33 @@ def test_distortion_is_refined_where_the_lens_has_it_and_nowhere_else(forward, d
     for image in model.images.values():
         for point in image.points2D:
             point.xy = lens.img_from_cam(np.append(prior.cam_from_img(point.xy), 1.0))
+    return model
+
+
+@pytest.mark.parametrize("distortion", [0.0, -0.3])
+def test_distortion_is_refined_where_the_lens_has_it_and_nowhere_else(forward, distortion):
+    model = seen_through_a_lens(forward[1].reconstruction, distortion)
 
     refined = adjust_unknown_camera(model, MapperOptions()).camera(1)
 
     assert refined.params[3] == pytest.approx(distortion, rel=0.1, abs=0.0)
     assert refined.focal_length == pytest.approx(FOCAL, rel=0.03)
+
+
+def test_a_camera_far_from_the_true_one_is_refined_to_the_end(tmp_path):
+    path = np.array([[0.3 * np.sin(f / 3), 0, 0.4 * f] for f in range(FRAMES)])
+    tracks = observe(path, angles=np.linspace(0, 0.3, FRAMES))
+    model = reconstruct(database(tmp_path, tracks), tmp_path / "sfm").reconstruction
+    model = seen_through_a_lens(model, -0.3)
+    model.camera(1).focal_length = 2 * FOCAL
+    once = pycolmap.Reconstruction(model)
+    fit_squares(once, "focal length")
+    fit_squares(once, "intrinsics")
+
+    refined = adjust_unknown_camera(model, MapperOptions()).camera(1)
+
+    assert once.camera(1).focal_length > 1.1 * FOCAL, "one fit ends half-way"
+    assert refined.focal_length == pytest.approx(FOCAL, rel=0.01)
 
 
 def test_a_camera_that_stands_still_gives_no_model_and_says_why(tmp_path):

@@ -36,6 +36,12 @@ FIT_RADIUS = 1e6
 a longer way: from COLMAP's 1e4 the first step along that valley is so short that it passes for the
 end of it."""
 
+SETTLED = 0.003
+"""Relative change of a focal length at which fits of it are over."""
+
+MAX_FITS = 6
+"""Of focal length and distortion together."""
+
 
 def adjust(model: pycolmap.Reconstruction, options: MapperOptions) -> None:
     """Adjust poses and points in place, with a robust loss and the intrinsics held."""
@@ -116,7 +122,7 @@ def adjust_unknown_camera(
     chosen = pycolmap.Reconstruction(model)
     cost = fit_squares(chosen, "focal length")
     bent = pycolmap.Reconstruction(chosen)
-    gain = 1.0 - fit_squares(bent, "intrinsics") / max(cost, np.finfo(float).tiny)
+    gain = 1.0 - fit_intrinsics(bent) / max(cost, np.finfo(float).tiny)
     _logger.info("refined distortion takes away %.2f %% of the squared errors", 100 * gain)
     if gain >= options.min_distortion_gain and not is_bogus(bent):
         chosen = bent
@@ -140,6 +146,23 @@ def fit_focal_length(model: pycolmap.Reconstruction) -> float:
     cost = fit_squares(model, "nothing")
     saved = max(0.0, cost - fit_squares(model, "focal length"))
     return math.sqrt(2.0 * saved / max(1, model.compute_num_observations()))
+
+
+def fit_intrinsics(model: pycolmap.Reconstruction) -> float:
+    """Fit focal length and distortion in place until the focal length stays; see `fit_squares`.
+
+    The way from a camera without distortion is long and narrow: one fit may end half-way.
+    """
+    import pycolmap
+
+    for _ in range(MAX_FITS):
+        before = pycolmap.Reconstruction(model)
+        cost = fit_squares(model, "intrinsics")
+        change = focal_change(before, model)
+        _logger.info("focal length and distortion refined: changed by %.2f %%", 100 * change)
+        if change < SETTLED:
+            break
+    return cost
 
 
 def focal_change(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> float:
