@@ -9,6 +9,8 @@ import pytest
 
 from mvmatch.bench import sfm
 from mvmatch.bench.matches import Sample, drawn
+from mvmatch.bench.run import open_sequence
+from mvmatch.bench.sfm_judge import judge_model
 from mvmatch.bench.sfm_methods import METHODS, Input, SiftRun, _colmap_options
 from mvmatch.bench.sfm_report import count_draws, reference_of, sfm_tables, verdict
 from mvmatch.errors import DataError
@@ -51,6 +53,20 @@ def test_runs_of_both_kinds_give_models_with_what_they_cost(finished):
     assert sift["encoding"] is None
     assert vectors["encoding"]["seconds"] > 0
     assert vectors["encoding"]["cpu_seconds"] > 0
+
+
+def test_a_model_without_a_single_point_is_judged_like_any_other(data, finished, tmp_path):
+    options, _ = finished
+    cell = sfm.sfm_cells(options)[1]
+    model = pycolmap.Reconstruction(cell.work / "out" / "sparse" / "0")
+    for key in list(model.points3D):
+        model.delete_point3D(key)
+    model.write(tmp_path)
+
+    judged = judge_model(tmp_path, open_sequence(data, cell.sequence, None))
+
+    assert (judged["points"], judged["observations"], judged["ba_cpu_s"]) == (0, 0, 0.0)
+    assert judged["ate_percent"] < 1
 
 
 def test_a_second_benchmark_keeps_results_and_another_judgement_keeps_runs(finished):

@@ -119,7 +119,10 @@ def _cloud(model: pycolmap.Reconstruction, sequence: Sequence) -> dict[str, Any]
 
 
 def _adjustment_seconds(model: pycolmap.Reconstruction) -> float:
-    """CPU seconds of an iteration of bundle adjustment on one thread, intrinsics held."""
+    """CPU seconds of an iteration of bundle adjustment on one thread, intrinsics held.
+
+    Zero for a model without observations: COLMAP delivers such a one where all its points are bad.
+    """
     import pycolmap
 
     adjustment = pycolmap.BundleAdjustmentOptions()
@@ -140,7 +143,9 @@ def _adjustment_seconds(model: pycolmap.Reconstruction) -> float:
     with quiet_colmap():
         adjuster = pycolmap.create_default_ceres_bundle_adjuster(adjustment, config, model)
         with clock.stage("solve"):
-            summary: Any = adjuster.solve()
+            summary = adjuster.solve()
+    if not isinstance(summary, pycolmap.CeresBundleAdjustmentSummary):
+        return 0.0  # no observations: the solver was not asked
     steps = summary.ceres_summary.num_successful_steps
     steps += summary.ceres_summary.num_unsuccessful_steps
     return clock.stages[0].cpu_s / max(1, steps)
