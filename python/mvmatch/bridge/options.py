@@ -16,8 +16,9 @@ class BridgeOptions:
     """Descriptor matcher of pycolmap; ``aliked`` (with LightGlue) needs a pycolmap built with ONNX.
     ``none`` leaves gaps as they are."""
     min_tracks: int = 100
-    """Tracks that go on from a picture to the next one; fewer are a gap: the mapper needs 30 points
-    of an image that are known from two others, and many tracks are short or wrong at a gap."""
+    """Tracks that go on from a picture to the next one, and of these as many that are seen twice on
+    either side; fewer are a gap: the mapper needs 30 points of an image that are known from two
+    others, and many tracks are short or wrong at a gap."""
     reach: int = 5
     """Pictures on each side of a gap that are matched with each other: points have to be seen from
     two of one side before they can tell where a picture of the other side was taken, and from more
