@@ -142,3 +142,15 @@ def test_enlarging_keeps_the_field_of_view(drive):
     corner = sequence.camera.cam_from_img(np.array([[1920.0, 1080.0]]))
     np.testing.assert_allclose(corner, drive.camera.cam_from_img(np.array([[320.0, 180.0]])))
     assert align_similarity(sequence.centers, drive.centers).scale == pytest.approx(1)
+
+
+def test_shaken_pictures_are_blurred_and_the_camera_goes_where_it_went(drive):
+    sequence = COMPOSITIONS["shake"](drive)
+    np.testing.assert_allclose(sequence.centers, drive.centers, atol=1e-9)
+    sharp = sequence.frames.steps[4].read(1).astype(np.float32)
+    blurred = sequence.frames.read(1).astype(np.float32)
+
+    def detail(image):
+        return np.abs(np.diff(image, axis=0)).mean() + np.abs(np.diff(image, axis=1)).mean()
+
+    assert detail(blurred) < 0.9 * detail(sharp)

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 _CENTER = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
 """px of COLMAP's origin from OpenCV's."""
 
+SHUTTER = 0.5
+"""Frames that a picture of `shake` is exposed for."""
+
+BLUR_STEPS = 8
+"""Moments that such a picture is the mean of."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Composition:
@@ -71,6 +77,25 @@ class ComposedFrames:
             covered = self.how.overlay[:, :, 3:] > 0
             image = np.where(covered, self.how.overlay[:, :, :3], image)
         return np.asarray(image, np.uint8)
+
+    def write(self, index: int, path: Path) -> Path:
+        """Write one picture as PNG."""
+        return write_png(self.read(index), path)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlurredFrames:
+    """Pictures that are the mean of those at several moments."""
+
+    steps: tuple[ComposedFrames, ...]
+
+    def __len__(self) -> int:
+        return len(self.steps[0])
+
+    def read(self, index: int) -> NDArray[np.uint8]:
+        """Return one picture, (H, W, 3) blue green red."""
+        light = np.mean([step.read(index) for step in self.steps], axis=0)
+        return np.asarray(np.rint(light), np.uint8)
 
     def write(self, index: int, path: Path) -> Path:
         """Write one picture as PNG."""
@@ -155,34 +180,43 @@ def pan(base: Sequence) -> Sequence:
     DataError
         The lens of the base has distortion: its pictures are no homographies of each other.
     """
-    import pycolmap
-
-    if base.camera.model_name not in {"PINHOLE", "SIMPLE_PINHOLE"}:
-        raise DataError(
-            f"{base.name} has a {base.camera.model_name} camera; a pan needs one without distortion"
-        )
-    K = base.camera.calibration_matrix()
-    size = (base.size[0] * 2 // 3 // 2 * 2, base.size[1] * 2 // 3 // 2 * 2)
-    inner = np.array([[K[0, 0], 0, size[0] / 2], [0, K[1, 1], size[1] / 2], [0, 0, 1.0]])
-    swing = [
-        0.8 * (math.atan(base.size[i] / 2 / K[i, i]) - math.atan(size[i] / 2 / K[i, i]))
-        for i in range(2)
-    ]
+    inner = _inner(base, 2 / 3)
     phase = 2 * np.pi * np.arange(len(base)) / 60
     rotations = np.array(
-        [_turn(swing[0] * math.sin(p), 0.5 * swing[1] * math.sin(2 * p)) for p in phase]
+        [
+            _turn(0.8 * inner.swing[0] * math.sin(p), 0.4 * inner.swing[1] * math.sin(2 * p))
+            for p in phase
+        ]
     )
-    how = Composition(
-        base_frame=np.zeros(len(base), np.int64),
-        base_from_composed=K @ rotations.transpose(0, 2, 1) @ np.linalg.inv(inner),
-        size=size,
-    )
-    camera = pycolmap.Camera(
-        model="PINHOLE", width=size[0], height=size[1], params=inner[[0, 1, 0, 1], [0, 1, 2, 2]]
-    )
-    camera.has_prior_focal_length = base.camera.has_prior_focal_length
+    how = inner.seen(np.zeros(len(base), np.int64), rotations)
     poses = np.concatenate([rotations, np.zeros((len(base), 3, 1))], axis=2)
-    return _composed(base, "pan", how, camera=camera, poses=poses, truth=StillTruth(base.size))
+    truth = StillTruth(base.size)
+    return _composed(base, "pan", how, camera=inner.camera, poses=poses, truth=truth)
+
+
+def shake(base: Sequence) -> Sequence:
+    """Shake a camera of three quarters the width and height, and blur by half a frame's turning.
+
+    Raises
+    ------
+    DataError
+        As for :func:`pan`.
+    """
+    inner = _inner(base, 3 / 4)
+    frames = np.arange(len(base))
+
+    def turned(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array([_turn(*(inner.swing * _unrest(moment))) for moment in time])
+
+    exposed = (np.arange(BLUR_STEPS) + 0.5) / BLUR_STEPS - 0.5
+    moments = [inner.seen(frames, turned(frames + SHUTTER * offset)) for offset in exposed]
+    rotations = turned(frames.astype(np.float64))
+    how = inner.seen(frames, rotations)
+    shaken = _composed(
+        base, "shake", how, camera=inner.camera, poses=rotations @ base.cam_from_world
+    )
+    steps = tuple(ComposedFrames(base=base.frames, how=moment) for moment in moments)
+    return replace(shaken, frames=BlurredFrames(steps=steps))
 
 
 def movers(base: Sequence) -> Sequence:
@@ -200,6 +234,7 @@ COMPOSITIONS: dict[str, Callable[[Sequence], Sequence]] = {
     "overlay": overlay,
     "1080p": full_hd,
     "pan": pan,
+    "shake": shake,
     "movers": movers,
 }
 """By the name that follows the plus sign."""
@@ -259,6 +294,53 @@ def _indexed(base: Sequence, frames: NDArray[np.int64]) -> Composition:
 def _mapped(matrix: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
     mapped = np.column_stack([xy, np.ones(len(xy))]) @ matrix.T
     return mapped[:, :2] / mapped[:, 2:]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Inner:
+    """A camera without distortion that sees a part of what another one sees, and turns."""
+
+    camera: pycolmap.Camera
+    swing: NDArray[np.float64]
+    """(2,) radians to the right and down that it turns until the other picture ends."""
+    K: NDArray[np.float64]
+    """(3, 3) of the other camera."""
+
+    def seen(self, base_frame: NDArray[np.int64], rotations: NDArray[np.float64]) -> Composition:
+        """Frames of the other camera after (F, 3, 3) turns."""
+        back = rotations.transpose(0, 2, 1) @ np.linalg.inv(self.camera.calibration_matrix())
+        return Composition(
+            base_frame=base_frame,
+            base_from_composed=self.K @ back,
+            size=(self.camera.width, self.camera.height),
+        )
+
+
+def _inner(base: Sequence, share: float) -> _Inner:
+    """Return a camera of a share of the width and height of a base without distortion."""
+    import pycolmap
+
+    if base.camera.model_name not in {"PINHOLE", "SIMPLE_PINHOLE"}:
+        raise DataError(
+            f"{base.name} has a {base.camera.model_name} camera; it has to turn, and that needs "
+            "one without distortion"
+        )
+    K = base.camera.calibration_matrix()
+    size = np.array([int(share * side / 2 + 1e-9) * 2 for side in base.size])
+    focal = K[[0, 1], [0, 1]]
+    camera = pycolmap.Camera(
+        model="PINHOLE", width=size[0], height=size[1], params=[*focal, *(size / 2)]
+    )
+    camera.has_prior_focal_length = base.camera.has_prior_focal_length
+    swing = np.arctan(np.array(base.size) / 2 / focal) - np.arctan(size / 2 / focal)
+    return _Inner(camera=camera, swing=swing, K=K)
+
+
+def _unrest(time: float) -> NDArray[np.float64]:
+    """(2,) hand shake to the right and down, -0.8 to 0.8: slow, quick and trembling, in frames."""
+    periods, share = np.array([23.0, 8.3, 3.4]), np.array([0.5, 0.2, 0.1])
+    phases = np.array([[0.0, 1.3, 2.9], [2.1, 0.4, 5.0]])
+    return (np.sin(2 * np.pi * time / periods + phases) * share).sum(axis=1)
 
 
 def _turn(yaw: float, pitch: float) -> NDArray[np.float64]:

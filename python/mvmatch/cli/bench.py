@@ -42,7 +42,7 @@ def accuracy(
         Folder for tables, results and streams.
     sequences
         Names, separated by commas; NAME+COMPOSITION for a composed one (repeats, cut, overlay, pan,
-        1080p). Without it all of them as they are.
+        shake, movers, 1080p). Without it all of them as they are.
     methods
         Names, separated by commas, such as svt-default, svt-paper, svt-refined, libaom-rt-default,
         libaom-good-default, klt, dis, sift, or patterns: "svt-default*" is preset default with one
