@@ -222,8 +222,8 @@ def test_tracks_that_tie_frames_are_those_seen_twice_on_both_sides_and_near():
                 frames = tracks.frame[start:stop].tolist()
                 before = [frame for frame in frames if frame <= step][-2:]
                 after = [frame for frame in frames if frame > step][:2]
-                both = len(before) == 2 or before[-1:] and before[-1] in first
-                both = both and (len(after) == 2 or after[:1] and after[0] in last)
+                both = len(before) == 2 or (before[-1:] and before[-1] in first)
+                both = both and (len(after) == 2 or (after[:1] and after[0] in last))
                 count += bool(both and before[0] > step - reach and after[-1] <= step + reach)
             expected.append(count)
         assert count_ties(tracks, num_frames, reach=reach, ends=ends).tolist() == expected
