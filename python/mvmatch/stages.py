@@ -180,6 +180,7 @@ def has_gaps(state: State) -> bool:
         match.tracks,
         match.num_frames,
         min_tracks=options.min_tracks,
+        min_ties=options.min_ties,
         jumps=match.footage.jumps,
     )
     return bool(gaps)

@@ -66,20 +66,20 @@ def moving(frames: range, count: int) -> Tracks:
 
 def test_a_gap_is_where_few_tracks_go_on() -> None:
     tracks = Tracks.concatenate(moving(range(3), 7), moving(range(3, 6), 9), moving(range(6), 2))
-    assert find_gaps(tracks, 6, min_tracks=3) == (2,)
-    assert find_gaps(tracks, 6, min_tracks=2) == ()
-    assert find_gaps(tracks, 8, min_tracks=3) == (2, 5, 6)
-    assert find_gaps(Tracks.from_lists(), 3, min_tracks=1) == (0, 1)
-    assert find_gaps(tracks, 6, min_tracks=3, jumps=(1, 3)) == (0, 2)
+    assert find_gaps(tracks, 6, min_tracks=3, min_ties=3) == (2,)
+    assert find_gaps(tracks, 6, min_tracks=2, min_ties=2) == ()
+    assert find_gaps(tracks, 8, min_tracks=3, min_ties=3) == (2, 5, 6)
+    assert find_gaps(Tracks.from_lists(), 3, min_tracks=1, min_ties=1) == (0, 1)
+    assert find_gaps(tracks, 6, min_tracks=3, min_ties=3, jumps=(1, 3)) == (0, 2)
 
 
 def test_a_gap_is_where_tracks_go_on_too_briefly_to_hold_pictures_together() -> None:
     brief = Tracks.concatenate(*(moving(range(first, first + 3), 9) for first in range(6)))
-    assert find_gaps(brief, 8, min_tracks=3) == (1, 2, 3, 4, 5)
+    assert find_gaps(brief, 8, min_tracks=3, min_ties=3) == (1, 2, 3, 4, 5)
     held = Tracks.concatenate(brief, moving(range(4), 3), moving(range(2, 8), 3))
-    assert find_gaps(held, 8, min_tracks=3) == (2,), "the ends of these are seen once"
-    assert find_gaps(moving(range(0, 19, 2), 9), 19, min_tracks=3) == ()
-    far = find_gaps(moving(range(0, 21, 4), 9), 21, min_tracks=3)
+    assert find_gaps(held, 8, min_tracks=3, min_ties=3) == (2,), "the ends of these are seen once"
+    assert find_gaps(moving(range(0, 19, 2), 9), 19, min_tracks=3, min_ties=3) == ()
+    far = find_gaps(moving(range(0, 21, 4), 9), 21, min_tracks=3, min_ties=3)
     assert set(range(20)) - set(far) == {3, 16}, "seen too far away, but at the ends"
 
 
@@ -90,7 +90,7 @@ def test_matches_cross_the_gap_and_lie_where_the_camera_went(pictures: Path) -> 
         tracks,
         CAMERA,
         num_frames=6,
-        options=BridgeOptions(min_tracks=20),
+        options=BridgeOptions(min_tracks=20, min_ties=20),
     )
     assert bridge.gaps == bridge.bridged == (2,)
     across = bridge.tracks.between(2, 3)
@@ -104,7 +104,7 @@ def test_gaps_close_to_each_other_are_seen_from_as_far_as_the_window(pictures: P
     def matched(gaps: tuple[int, ...], window: int) -> set[tuple[int, int]]:
         whole = [range(first, stop) for first, stop in zip((0, *gaps), (*gaps, 6), strict=True)]
         tracks = Tracks.concatenate(*(moving(frames, 50) for frames in whole))
-        options = BridgeOptions(min_tracks=20, reach=1, window=window)
+        options = BridgeOptions(min_tracks=20, min_ties=20, reach=1, window=window)
         bridge = bridge_tracks(
             lambda: decoded(pictures), tracks, CAMERA, num_frames=6, options=options
         )
@@ -224,7 +224,7 @@ def test_a_place_seen_again_behind_other_pictures_is_found_by_all_features(pictu
         tracks,
         CAMERA,
         num_frames=7,
-        options=BridgeOptions(min_tracks=20, window=8, near=2),
+        options=BridgeOptions(min_tracks=20, min_ties=20, window=8, near=2),
     )
     assert len(bridge.tracks.between(2, 6)) > 30
 
@@ -243,7 +243,7 @@ def test_behind_a_break_pictures_are_matched_with_a_whole_window_before_it(pictu
         tracks,
         CAMERA,
         num_frames=7,
-        options=BridgeOptions(min_tracks=20, window=3, reach=1, far_reach=1, near=1),
+        options=BridgeOptions(min_tracks=20, min_ties=20, window=3, reach=1, far_reach=1, near=1),
     )
     assert len(bridge.tracks.between(4, 5)) > MIN_FOUND
     # More than a window apart, and seen by the picture between them.
@@ -252,7 +252,10 @@ def test_behind_a_break_pictures_are_matched_with_a_whole_window_before_it(pictu
 
 def test_pictures_are_left_alone_where_nothing_is_missing() -> None:
     tracks = moving(range(6), 30)
-    for options in (BridgeOptions(min_tracks=20), BridgeOptions(matcher="none", min_tracks=99)):
+    for options in (
+        BridgeOptions(min_tracks=20, min_ties=20),
+        BridgeOptions(matcher="none", min_tracks=99, min_ties=99),
+    ):
         bridge = bridge_tracks(lambda: iter(()), tracks, CAMERA, num_frames=6, options=options)
         assert (len(bridge.tracks), bridge.gaps) == (0, ())
 
@@ -275,7 +278,7 @@ def test_pictures_of_different_things_are_not_bridged(pictures: Path, tmp_path: 
         tracks,
         CAMERA,
         num_frames=6,
-        options=BridgeOptions(min_tracks=20),
+        options=BridgeOptions(min_tracks=20, min_ties=20),
     )
     assert (bridge.gaps, bridge.bridged) == ((2,), ())
 
@@ -304,7 +307,7 @@ def test_a_damaged_picture_leaves_the_gaps_behind_it_and_is_named(
     (folder / f"{damaged:03d}.png").write_bytes(b"no picture")
     parts = [moving(range(3), 50), moving(range(3, 5), 50), moving(range(5, 6), 50)]
     match = matched(Tracks.concatenate(*parts))
-    options = BridgeOptions(min_tracks=20, reach=2, far_reach=2)
+    options = BridgeOptions(min_tracks=20, min_ties=20, reach=2, far_reach=2)
     found = bridge_match(match, folder, CAMERA, options=options)
     assert (found.gaps, found.bridged) == ((2, 4), bridged)
     assert str(found.unreadable).startswith(str(folder))
@@ -314,7 +317,7 @@ def test_a_damaged_picture_leaves_the_gaps_behind_it_and_is_named(
 
 def test_whole_pictures_are_no_reason_for_a_warning(pictures: Path) -> None:
     match = matched(Tracks.concatenate(moving(range(3), 50), moving(range(3, 6), 50)))
-    found = bridge_match(match, pictures, CAMERA, options=BridgeOptions(min_tracks=20))
+    found = bridge_match(match, pictures, CAMERA, options=BridgeOptions(min_tracks=20, min_ties=20))
     assert (found.bridged, found.unreadable) == ((2,), None)
 
 

@@ -49,9 +49,9 @@ class Bridge:
 
 
 def find_gaps(
-    tracks: Tracks, num_frames: int, *, min_tracks: int, jumps: Collection[int] = ()
+    tracks: Tracks, num_frames: int, *, min_tracks: int, min_ties: int, jumps: Collection[int] = ()
 ) -> tuple[int, ...]:
-    """Find the pictures after which the scene jumps or fewer than ``min_tracks`` tracks go on.
+    """Find the pictures after which the scene jumps, or too few tracks go on or go on briefly.
 
     Parameters
     ----------
@@ -60,9 +60,10 @@ def find_gaps(
     num_frames : int
         Its pictures.
     min_tracks : int
-        Tracks with an observation at or before a picture and another one after it. Between such
-        gaps as many have to be seen twice in the :data:`HELD` pictures on either side: a chain of
-        tracks that end as soon as they are points bends, and breaks.
+        Tracks with an observation at or before a picture and another one after it.
+    min_ties : int
+        Tracks that, between such gaps, are seen twice in the :data:`HELD` pictures on either side:
+        a chain of tracks that end as soon as they are points bends, or breaks.
     jumps : collection of int, optional
         Pictures before which a piece of the scene is missing (:class:`mvmatch.footage.Footage`):
         many of the tracks into them are wrong.
@@ -74,7 +75,7 @@ def find_gaps(
     """
     is_gap = count_entering(tracks, num_frames)[1:] < min_tracks
     is_gap[[jump - 1 for jump in jumps if 0 < jump < num_frames]] = True
-    is_gap |= count_ties(tracks, num_frames, reach=HELD, ends=is_gap) < min_tracks
+    is_gap |= count_ties(tracks, num_frames, reach=HELD, ends=is_gap) < min_ties
     return tuple(np.flatnonzero(is_gap).tolist())
 
 
@@ -117,7 +118,13 @@ def bridge_tracks(
     """
     if options.matcher == "none":
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
-    gaps = find_gaps(tracks, num_frames, min_tracks=options.min_tracks, jumps=jumps)
+    gaps = find_gaps(
+        tracks,
+        num_frames,
+        min_tracks=options.min_tracks,
+        min_ties=options.min_ties,
+        jumps=jumps,
+    )
     if not gaps:
         return Bridge(tracks=Tracks.from_lists(), gaps=(), bridged=())
     matcher, links = DescriptorMatcher(options, camera), Links()

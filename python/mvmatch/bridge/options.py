@@ -16,9 +16,12 @@ class BridgeOptions:
     """Descriptor matcher of pycolmap; ``aliked`` (with LightGlue) needs a pycolmap built with ONNX.
     ``none`` leaves gaps as they are."""
     min_tracks: int = 100
-    """Tracks that go on from a picture to the next one, and of these as many that are seen twice on
-    either side; fewer are a gap: the mapper needs 30 points of an image that are known from two
-    others, and many tracks are short or wrong at a gap."""
+    """Tracks that go on from a picture to the next one; fewer are a gap: the mapper needs 30 points
+    of an image that are known from two others, and many tracks are short or wrong at a gap."""
+    min_ties: int = 150
+    """Of these, tracks that are seen twice on either side; fewer are a gap as well: a chain of
+    brief tracks bends, or breaks. Measured: with 100 a model of shaken footage broke; what held
+    has 210 and more (preset ``fast``, others 320), but for one drive, which is better for it."""
     reach: int = 5
     """Pictures on each side of a gap that are matched with each other: points have to be seen from
     two of one side before they can tell where a picture of the other side was taken, and from more
@@ -46,6 +49,7 @@ class BridgeOptions:
     def __post_init__(self) -> None:
         for name in (
             "min_tracks",
+            "min_ties",
             "reach",
             "far_reach",
             "window",
