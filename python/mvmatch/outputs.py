@@ -145,13 +145,16 @@ def describe_camera(choice: CameraChoice, model: ReconstructionResult) -> dict[s
     }
 
 
-def camera_warnings(choice: CameraChoice, model: ReconstructionResult) -> list[str]:
+def camera_warnings(
+    choice: CameraChoice, model: ReconstructionResult, *, is_refined: bool = False
+) -> list[str]:
     """Return what a user must know of the camera: guessed, made to fit, or corrected."""
     if choice.is_prior:
+        advice = "" if is_refined else ", with --refine the focal length"
         return [
             *choice.warnings,
             f"The camera is a guess ({choice.source}). "
-            "With a calibration (--camera) the model is more accurate.",
+            f"With a calibration (--camera) the model is more accurate{advice}.",
         ]
     if model.reconstruction is None or not model.reconstruction.cameras:
         return [*choice.warnings]

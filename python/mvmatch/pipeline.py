@@ -347,7 +347,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
         *match.warnings,
-        *outputs.camera_warnings(run.camera, model),
+        *outputs.camera_warnings(run.camera, model, is_refined=options.refine.enabled),
     ]
     return {
         **outputs.provenance(),

@@ -37,6 +37,9 @@ def test_a_camera_that_was_kept_needs_no_word():
 def test_a_prior_is_called_a_prior():
     (warning,) = camera_warnings(choice(is_prior=True), model_with(490.0))
     assert warning.startswith("The camera is a guess (")
+    assert "--refine" in warning
+    (warning,) = camera_warnings(choice(is_prior=True), model_with(490.0), is_refined=True)
+    assert "--refine" not in warning
 
 
 def test_what_was_done_to_a_camera_is_said_whatever_becomes_of_the_model():

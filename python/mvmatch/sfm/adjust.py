@@ -155,6 +155,7 @@ def fit_intrinsics(model: pycolmap.Reconstruction) -> float:
     """
     import pycolmap
 
+    cost = 0.0
     for _ in range(MAX_FITS):
         before = pycolmap.Reconstruction(model)
         cost = fit_squares(model, "intrinsics")
