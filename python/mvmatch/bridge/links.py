@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
-
-Feature = tuple[int, int]
-"""Frame, and number of the feature in it."""
 
 
 class Links:
@@ -31,9 +29,11 @@ class Links:
     """
 
     def __init__(self) -> None:
-        self._tracks: dict[int, dict[int, tuple[float, float]]] = {}
-        self._track_of: dict[Feature, int] = {}
-        self._features: dict[int, list[Feature]] = {}
+        # Of each track the feature in each frame; of each frame the track of each feature, or -1.
+        self._tracks: dict[int, dict[int, int]] = {}
+        self._track_of: dict[int, NDArray[np.int64]] = {}
+        self._xy: dict[int, NDArray[np.float32]] = {}
+        self._num_begun = 0
 
     def add(
         self,
@@ -50,31 +50,39 @@ class Links:
         matches : (M, 2) uint32
             Numbers of the features that match.
         """
-        (frame0, xy0), (frame1, xy1) = first, second
+        for frame, xy in (first, second):
+            if frame not in self._xy:
+                self._xy[frame] = np.array(xy, np.float32)
+                self._track_of[frame] = np.full(len(xy), -1, np.int64)
         for index0, index1 in matches.tolist():
-            track0 = self._track(frame0, index0, xy0)
-            track1 = self._track(frame1, index1, xy1)
+            track0 = self._track(first[0], index0)
+            track1 = self._track(second[0], index1)
             if track0 != track1 and self._tracks[track0].keys().isdisjoint(self._tracks[track1]):
                 self._join(track0, track1)
 
     def tracks(self) -> Tracks:
         """Return the tracks of at least two observations."""
-        ordered = (sorted(points.items()) for points in self._tracks.values() if len(points) > 1)
-        return Tracks.from_lists(*([(frame, *xy) for frame, xy in points] for points in ordered))
+        kept = [sorted(seen.items()) for seen in self._tracks.values() if len(seen) > 1]
+        rows = np.array([row for seen in kept for row in seen], np.int64).reshape(-1, 2)
+        offsets = np.cumsum([0, *map(len, kept)], dtype=np.int64)
+        frames = np.array(sorted(self._xy), np.int64)
+        positions = [np.empty((0, 2), np.float32), *(self._xy[frame] for frame in frames.tolist())]
+        starts = np.cumsum([len(xy) for xy in positions])[:-1]
+        row = starts[np.searchsorted(frames, rows[:, 0])] + rows[:, 1]
+        xy = np.concatenate(positions)[row]
+        return Tracks(offsets=offsets, frame=rows[:, 0].astype(np.int32), xy=xy)
 
-    def _track(self, frame: int, index: int, xy: NDArray[np.float32]) -> int:
-        feature = (frame, index)
-        track = self._track_of.get(feature)
-        if track is None:
-            track = len(self._track_of)
-            self._track_of[feature] = track
-            self._features[track] = [feature]
-            x, y = xy[index].tolist()
-            self._tracks[track] = {frame: (x, y)}
+    def _track(self, frame: int, index: int) -> int:
+        track = int(self._track_of[frame][index])
+        if track < 0:
+            track = self._num_begun
+            self._num_begun += 1
+            self._track_of[frame][index] = track
+            self._tracks[track] = {frame: index}
         return track
 
     def _join(self, track: int, other: int) -> None:
-        self._tracks[track] |= self._tracks.pop(other)
-        moved = self._features.pop(other)
-        self._features[track] += moved
-        self._track_of |= dict.fromkeys(moved, track)
+        moved = self._tracks.pop(other)
+        self._tracks[track] |= moved
+        for frame, index in moved.items():
+            self._track_of[frame][index] = track
