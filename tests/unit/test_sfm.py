@@ -129,6 +129,20 @@ def test_a_focal_length_that_is_two_percent_off_is_corrected_unless_it_is_fixed(
     assert fixed.focal_length_x == 1.02 * FOCAL
 
 
+@pytest.mark.parametrize(("factor", "is_kept"), [(1.008, True), (1.02, False)])
+def test_a_calibration_is_trusted_to_one_percent_however_much_the_model_insists(
+    tmp_path, factor, is_kept
+):
+    sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
+    tracks = observe(sideways, noise=0.02, angles=np.linspace(0, 0.3, FRAMES))
+    path = database(tmp_path, tracks, camera=camera(factor * FOCAL))
+
+    options = MapperOptions(min_focal_error=0.0)
+    used = reconstruct(path, tmp_path / "sfm", options=options).reconstruction.camera(1)
+
+    assert (used.focal_length_x == factor * FOCAL) is is_kept
+
+
 def test_a_model_whose_focal_length_was_corrected_is_checked_with_the_corrected_one(tmp_path):
     sideways = np.array([[0.3 * f, 0, 0] for f in range(FRAMES)])
     tracks = observe(sideways, angles=np.linspace(0, 0.3, FRAMES))
