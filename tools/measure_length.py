@@ -108,14 +108,20 @@ def plot(rows: list[dict[str, float]], path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def main() -> None:
+def parser_of(description: str | None, *, lengths: str) -> argparse.ArgumentParser:
+    """Return what tools that measure the first pictures of a clip are asked."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        description=description, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("clip", type=Path, help="IVF file")
     parser.add_argument("--camera", required=True, help="as of mvmatch run")
-    parser.add_argument("--lengths", default="50,150,500,1500,5000")
+    parser.add_argument("--lengths", default=lengths)
     parser.add_argument("--plot", type=Path)
+    return parser
+
+
+def main() -> None:
+    parser = parser_of(__doc__, lengths="50,150,500,1500,5000")
     parser.add_argument("--one", action="store_true", help="measure the whole clip in this process")
     arguments = parser.parse_args()
     if arguments.one:

@@ -14,7 +14,6 @@ poses, the video runs through them forwards and backwards again and again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from measure_length import first_frames
+from measure_length import first_frames, parser_of
 from mvmatch.geometry.trajectory import trajectory_error
 
 if TYPE_CHECKING:
@@ -89,14 +88,8 @@ def plot(rows: Sequence[dict[str, float]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("clip", type=Path, help="IVF file")
-    parser.add_argument("--camera", required=True, help="as of mvmatch run")
+    parser = parser_of(__doc__, lengths="250,500,1000,2000,3000")
     parser.add_argument("--poses", type=Path)
-    parser.add_argument("--lengths", default="250,500,1000,2000,3000")
-    parser.add_argument("--plot", type=Path)
     arguments = parser.parse_args()
     rows: list[dict[str, float]] = []
     print(
