@@ -63,15 +63,18 @@ class RunOptions:
     def preset(cls, name: str) -> RunOptions:
         """Return the options that go with a preset of tracking.
 
-        ``paper`` has vectors alone: it bridges no gaps.
+        ``paper`` has vectors alone: it bridges no gaps and refines nothing.
 
         Raises
         ------
         ValueError
             There is no such preset (:meth:`mvmatch.tracks.TrackOptions.preset`).
         """
-        bridge = BridgeOptions(matcher="none") if name == "paper" else BridgeOptions()
-        return cls(track=TrackOptions.preset(name), bridge=bridge)
+        track = TrackOptions.preset(name)
+        if name != "paper":
+            return cls(track=track)
+        without = BridgeOptions(matcher="none")
+        return cls(track=track, bridge=without, refine=RefineOptions(when="never"))
 
 
 def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:

@@ -44,6 +44,10 @@ class Match:
     """Why the stream broke off; the tracks cover the frames before."""
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
+    is_refined: bool = False
+    """Whether the tracks are aligned to the pictures (:func:`mvmatch.pipeline.refine_match`)."""
+    unrefined: str | None = None
+    """Why they are not, where that was to be done by itself."""
     gaps: tuple[int, ...] = ()
     """Pictures after which the scene jumps or so few tracks went on that descriptors were asked
     (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""
@@ -72,6 +76,8 @@ class Match:
         found = self.structure.warnings(self.frames) + self.footage.warnings(len(self.tracks.frame))
         if self.damage is not None:
             found.insert(0, f"The stream broke off after {len(self.frames)} frames: {self.damage}")
+        if self.unrefined is not None:
+            found.append(f"Tracks are not aligned to the pictures (--refine): {self.unrefined}")
         if self.bridged:
             found.append(
                 f"Motion vectors leave {len(self.gaps)} gaps between pictures; {len(self.bridged)} "

@@ -121,7 +121,7 @@ def refine_match(
     pictures : Path
         The video, or the video or folder of images it was encoded from.
     options : RefineOptions, optional
-        See :func:`mvmatch.refine.refine_tracks`; ``enabled`` is not looked at.
+        See :func:`mvmatch.refine.refine_tracks`; ``when`` is not looked at.
     progress : Progress, optional
         Told after each picture.
 
@@ -144,7 +144,7 @@ def refine_match(
     if len(match.tracks) and not len(tracks):
         message = f"no track fits the pictures of {pictures}. Are they those of the video?"
         raise DataError(message)
-    return dataclasses.replace(match, tracks=tracks)
+    return dataclasses.replace(match, tracks=tracks, is_refined=True)
 
 
 def bridge_match(

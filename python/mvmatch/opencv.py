@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import TYPE_CHECKING
 
 from mvmatch.errors import MissingExtraError
@@ -31,3 +32,8 @@ def require_opencv(what: str, *, extra: str) -> ModuleType:
         message = f"{what} needs OpenCV: pip install 'mvmatch[{extra}]'"
         raise MissingExtraError(message) from error
     return cv2
+
+
+def has_opencv() -> bool:
+    """Return whether OpenCV is installed."""
+    return importlib.util.find_spec("cv2") is not None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mvmatch.errors import DataError
+from mvmatch.opencv import has_opencv
 from mvmatch.pairing import seen_in, shared
 from mvmatch.sfm import foreign_models
 from mvmatch.work import FOLDER
@@ -150,12 +151,14 @@ def camera_warnings(
 ) -> list[str]:
     """Return what a user must know of the camera: guessed, made to fit, or corrected."""
     if choice.is_prior:
-        advice = "" if is_refined else ", with --refine the focal length"
-        return [
-            *choice.warnings,
+        told = (
             f"The camera is a guess ({choice.source}). "
-            f"With a calibration (--camera) the model is more accurate{advice}.",
-        ]
+            "With a calibration (--camera) the model is more accurate"
+        )
+        if not is_refined:
+            means = "--refine" if has_opencv() else "OpenCV (pip install 'mvmatch[refine]')"
+            told += f", with {means} the focal length"
+        return [*choice.warnings, f"{told}."]
     if model.reconstruction is None or not model.reconstruction.cameras:
         return [*choice.warnings]
     cameras: Any = model.reconstruction.cameras

@@ -60,10 +60,10 @@ STAGES = (
         name="refine",
         title="refine",
         needs=("match",),
-        depends=lambda state: state.options.refine if state.options.refine.enabled else None,
+        depends=lambda state: state.options.refine if state.asks_for_refinement else None,
         make=stages.refine,
         load=stages.load_refined,
-        is_wanted=lambda state: state.options.refine.enabled,
+        is_wanted=lambda state: state.asks_for_refinement,
     ),
     Stage(
         name="bridge",
@@ -72,7 +72,7 @@ STAGES = (
         depends=stages.bridge_depends,
         make=stages.bridge,
         load=stages.load_bridge,
-        is_wanted=stages.has_gaps,
+        is_wanted=lambda state: state.has_gaps,
     ),
     Stage(
         name="loops",
@@ -81,7 +81,7 @@ STAGES = (
         depends=stages.loops_depend,
         make=stages.find_loops,
         load=stages.load_loops,
-        is_wanted=stages.asks_for_loops,
+        is_wanted=lambda state: state.asks_for_loops,
     ),
     Stage(
         name="movers",
@@ -222,7 +222,7 @@ def reconstruct_video(  # noqa: PLR0913
     """
     options = options or RunOptions()
     source, out = Path(source), Path(out)
-    if options.refine.enabled:
+    if options.refine.when == "always":
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
     require_matcher(options.loops.matcher)
     if undistort and is_table(source):
@@ -347,7 +347,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
     warnings = [
         *(run.encoding.warnings if run.encoding else ()),
         *match.warnings,
-        *outputs.camera_warnings(run.camera, model, is_refined=options.refine.enabled),
+        *outputs.camera_warnings(run.camera, model, is_refined=match.is_refined),
     ]
     return {
         **outputs.provenance(),

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mvmatch import outputs, products
-from mvmatch.bridge import find_gaps
 from mvmatch.config import to_mapping
 from mvmatch.encode import encode_video
 from mvmatch.errors import DataError
@@ -32,7 +31,6 @@ from mvmatch.sfm import (
     status_of,
     write_models,
 )
-from mvmatch.store import is_table
 from mvmatch.types import Tracks
 from mvmatch.work import identity
 
@@ -121,22 +119,31 @@ def match_depends(state: State) -> Any:
 
 
 def refine(state: State, folder: Path) -> Facts:
-    """Align the tracks to the pictures: those of the source, which were not encoded."""
-    refined = refine_match(
-        state.match, state.source, options=state.options.refine, progress=state.progress
-    )
-    return products.write_match_tracks(
+    """Align the tracks to the pictures: those of the source, which were not encoded.
+
+    Where nobody asked for it, pictures that cannot be used leave the tracks as they are.
+    """
+    options, refined = state.options.refine, state.match
+    try:
+        refined = refine_match(refined, state.source, options=options, progress=state.progress)
+    except DataError as error:
+        if options.when == "always":
+            raise
+        refined = dataclasses.replace(refined, unrefined=str(error))
+    facts = products.write_match_tracks(
         refined,
         folder / outputs.TRACKS,
         image_names=state.image_names,
         options=to_mapping(state.options.track),
     )
+    return facts | {name: getattr(refined, name) for name in ("is_refined", "unrefined")}
 
 
 def load_refined(state: State, folder: Path, facts: Facts) -> None:
     """Take the aligned tracks."""
     tracks, _, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
-    state.match = dataclasses.replace(state.match, tracks=tracks)
+    told = {name: facts[name] for name in ("is_refined", "unrefined")}
+    state.match = dataclasses.replace(state.match, tracks=tracks, **told)
 
 
 def bridge(state: State, folder: Path) -> Facts:
@@ -171,21 +178,6 @@ def load_bridge(state: State, folder: Path, facts: Facts) -> None:
     )
 
 
-def has_gaps(state: State) -> bool:
-    """Whether descriptors are to be asked: there are gaps, and pictures to look at."""
-    options, match = state.options.bridge, state.match
-    if options.matcher == "none" or match.skipped or is_table(state.source):
-        return False
-    gaps = find_gaps(
-        match.tracks,
-        match.num_frames,
-        min_tracks=options.min_tracks,
-        min_ties=options.min_ties,
-        jumps=match.footage.jumps,
-    )
-    return bool(gaps)
-
-
 def bridge_depends(state: State) -> Any:
     """Return the camera and the options."""
     return [*_camera(state), state.options.bridge]
@@ -216,14 +208,9 @@ def load_loops(state: State, folder: Path, facts: Facts) -> None:
     state.match = dataclasses.replace(state.match, tracks=tracks, loops=loops)
 
 
-def asks_for_loops(state: State) -> bool:
-    """Whether descriptors are to look for loops."""
-    return state.options.loops.matcher != "none"
-
-
 def loops_depend(state: State) -> Any:
     """Return the camera and the options, if loops are looked for."""
-    return [*_camera(state), state.options.loops] if asks_for_loops(state) else None
+    return [*_camera(state), state.options.loops] if state.asks_for_loops else None
 
 
 def find_movers(state: State, folder: Path) -> Facts:

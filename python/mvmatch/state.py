@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from mvmatch.bridge import find_gaps
 from mvmatch.camera import CameraChoice, parse_camera
+from mvmatch.opencv import has_opencv
 from mvmatch.sfm import Diagnosis
+from mvmatch.store import is_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -57,6 +60,35 @@ class State:
         """The camera."""
         info = self.match.info
         return parse_camera(self.camera, info.width, info.height, pictures=self.source)
+
+    @property
+    def asks_for_refinement(self) -> bool:
+        """Whether tracks are to be aligned to the pictures; by itself where that can be done."""
+        when, match = self.options.refine.when, self.match
+        if when != "auto" or not self.choice.is_prior:
+            return when == "always"
+        is_whole = match.damage is None and not match.skipped
+        return is_whole and not is_table(self.source) and has_opencv()
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether descriptors are to be asked: there are gaps, and pictures to look at."""
+        options, match = self.options.bridge, self.match
+        if options.matcher == "none" or match.skipped or is_table(self.source):
+            return False
+        gaps = find_gaps(
+            match.tracks,
+            match.num_frames,
+            min_tracks=options.min_tracks,
+            min_ties=options.min_ties,
+            jumps=match.footage.jumps,
+        )
+        return bool(gaps)
+
+    @property
+    def asks_for_loops(self) -> bool:
+        """Whether descriptors are to look for loops."""
+        return self.options.loops.matcher != "none"
 
     @property
     def image_names(self) -> tuple[str, ...]:

@@ -177,7 +177,7 @@ def test_a_changed_option_repeats_what_depends_on_it_and_nothing_else(
 
 def test_refined_tracks_are_kept_beside_those_they_were_made_from(clip: Path, copied: Path) -> None:
     pytest.importorskip("cv2")
-    refined = from_mapping({"refine": {"enabled": True}}, DENSE)
+    refined = from_mapping({"refine": {"when": "always"}}, DENSE)
     first = full_run(clip, copied, options=refined)
     assert names_made(first) == ["refine", *AFTER_MATCH]
     again = full_run(clip, copied, options=refined)

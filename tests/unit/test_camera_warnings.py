@@ -34,12 +34,16 @@ def test_a_camera_that_was_kept_needs_no_word():
     assert camera_warnings(choice(), SimpleNamespace(reconstruction=None)) == []
 
 
-def test_a_prior_is_called_a_prior():
-    (warning,) = camera_warnings(choice(is_prior=True), model_with(490.0))
-    assert warning.startswith("The camera is a guess (")
-    assert "--refine" in warning
-    (warning,) = camera_warnings(choice(is_prior=True), model_with(490.0), is_refined=True)
-    assert "--refine" not in warning
+def test_a_prior_is_called_a_prior(monkeypatch):
+    def warning(**words: bool) -> str:
+        (told,) = camera_warnings(choice(is_prior=True), model_with(490.0), **words)
+        assert told.startswith("The camera is a guess (")
+        return told
+
+    for is_there, means in ((True, "--refine"), (False, "mvmatch[refine]")):
+        monkeypatch.setattr("mvmatch.outputs.has_opencv", lambda there=is_there: there)
+        assert means in warning()
+        assert means not in warning(is_refined=True)
 
 
 def test_what_was_done_to_a_camera_is_said_whatever_becomes_of_the_model():

@@ -271,6 +271,6 @@ def test_a_motion_table_cannot_be_refined(
 def test_the_flag_and_the_option_are_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--print-config", "--refine"]) == 0
     flag = capsys.readouterr().out
-    assert main(["run", "--print-config", "--set", "refine.enabled=true"]) == 0
-    assert "[refine]\nenabled = true\n" in flag
+    assert main(["run", "--print-config", "--set", "refine.when=always"]) == 0
+    assert '[refine]\nwhen = "always"\n' in flag
     assert capsys.readouterr().out == flag

@@ -38,7 +38,7 @@ def run(
     camera: Camera = None,
     encoder: EncoderName | None = None,
     mapper: Mapper = None,
-    refine: Refine = False,
+    refine: Refine = None,
     bridge: BridgeMatcher = None,
     loops: LoopMatcher = None,
     re_encode: Annotated[bool, Parameter(negative="")] = False,

@@ -102,16 +102,19 @@ def _value(text: str) -> Any:
 
 
 Refine = Annotated[
-    bool,
-    Parameter(negative="", help="Align tracks to the pictures: exacter and slower; needs OpenCV."),
+    bool | None,
+    Parameter(
+        help="Align tracks to the pictures: exacter and slower; needs OpenCV. Without either, "
+        "`mvmatch run` does so where the camera is unknown."
+    ),
 ]
 
 
-def with_refinement(options: RunOptions, refine: bool) -> RunOptions:
-    """Return the options with the refinement on, if it was asked for."""
-    if not refine:
+def with_refinement(options: RunOptions, refine: Refine) -> RunOptions:
+    """Return the options with the refinement on or off, if that was said."""
+    if refine is None:
         return options
-    return replace(options, refine=replace(options.refine, enabled=True))
+    return replace(options, refine=replace(options.refine, when="always" if refine else "never"))
 
 
 BridgeMatcher = Annotated[

@@ -158,7 +158,7 @@ def track(
     table: Path,
     /,
     *,
-    refine: Refine = False,
+    refine: Refine = None,
     settings: Settings | None = None,
     json: Json = False,
 ) -> Outcome:
@@ -181,7 +181,7 @@ def track(
         match = match_video(
             clip, options=options, footage=chosen.footage, read=chosen.read, progress=tell
         )
-        if chosen.refine.enabled:
+        if chosen.refine.when == "always":
             match = refine_match(match, clip, options=chosen.refine, progress=tell)
         names = frame_names(match.num_frames)
         tracks = match.all_tracks

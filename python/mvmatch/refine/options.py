@@ -10,8 +10,10 @@ from typing import Literal
 class RefineOptions:
     """How observations are aligned to the pictures. Constants: docs/explanation/refinement.md."""
 
-    enabled: bool = False
-    """Refine at all: pictures are decoded then, which costs more than reading their vectors."""
+    when: Literal["auto", "always", "never"] = "auto"
+    """Pictures are decoded, which costs more than reading their vectors. ``auto`` does so where no
+    camera was given: the focal length asks for exacter tracks than poses do
+    (docs/decisions/0018-pictures-for-an-unknown-camera.md)."""
     unaligned: Literal["end", "keep"] = "end"
     """What happens to a track where it cannot be aligned: it ends there, or this observation keeps
     the codec's position (with the last correction) and later ones are tried again. Measured:
@@ -34,6 +36,9 @@ class RefineOptions:
     """Nearest tracks that tell how the patch deforms from frame to frame."""
 
     def __post_init__(self) -> None:
+        if self.when not in {"auto", "always", "never"}:
+            message = f"when is {self.when!r}; it must be 'auto', 'always' or 'never'"
+            raise ValueError(message)
         if self.window < 3 or self.window % 2 == 0:
             message = f"window is {self.window}; it must be odd and at least 3"
             raise ValueError(message)

@@ -46,7 +46,7 @@ def refine_tracks(
         is kept is one patch of about 1 kB per living track. Where they end early, observations
         count as not aligned.
     options : RefineOptions, optional
-        Settings; ``enabled`` is not looked at.
+        Settings; ``when`` is not looked at.
 
     Returns
     -------

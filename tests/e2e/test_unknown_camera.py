@@ -1,0 +1,111 @@
+"""Pictures are asked where nobody knows the camera."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from mvmatch import stages
+from mvmatch.cli import main
+from mvmatch.config import RunOptions, from_mapping
+from mvmatch.errors import DataError
+from mvmatch.matching import match_video
+from mvmatch.pipeline import reconstruct_video
+from mvmatch.sources.options import Skipped
+from mvmatch.state import State
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mvmatch.match import Match
+    from mvmatch.pipeline import Run
+
+FOCAL = 260.48
+"""px, of drive.ivf."""
+
+
+@pytest.fixture(scope="module")
+def match(data: Path) -> Match:
+    return match_video(data / "drive.ivf")
+
+
+def state(source: Path, match: Match, **changed: Any) -> State:
+    words: dict[str, Any] = {"camera": None, "options": RunOptions(), "masks": False}
+    words |= {"has_to_encode": False, "undistort": False, "progress": None}
+    made = State(source=source, **words | changed)
+    made.match = match
+    return made
+
+
+def test_tracks_are_aligned_where_the_camera_is_unknown_unless_told_otherwise(
+    data: Path, match: Match
+) -> None:
+    pytest.importorskip("cv2")
+    drive = data / "drive.ivf"
+    given = f"{FOCAL}"
+    never, always = (
+        from_mapping({"refine": {"when": word}}, RunOptions()) for word in ("never", "always")
+    )
+    assert state(drive, match).asks_for_refinement
+    assert not state(drive, match, camera=given).asks_for_refinement
+    assert not state(drive, match, options=never).asks_for_refinement
+    assert state(drive, match, camera=given, options=always).asks_for_refinement
+    assert not state(drive, match, options=RunOptions.preset("paper")).asks_for_refinement
+
+
+def test_nothing_is_asked_of_pictures_that_cannot_be_had(
+    data: Path, match: Match, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive, table = data / "drive.ivf", tmp_path / "motion.parquet"
+    assert main(["extract", str(drive), str(table)]) == 0
+    broken = dataclasses.replace(match, damage=DataError("the stream ends here"))
+    skipped = Skipped(
+        after_frame=3, num_errors=1, byte_offset=None, section=None, reason="it is damaged"
+    )
+    holed = dataclasses.replace(match, skipped=(skipped,))
+    assert not state(drive, broken).asks_for_refinement
+    assert not state(drive, holed).asks_for_refinement
+    assert not state(table, match).asks_for_refinement
+    monkeypatch.setattr("mvmatch.state.has_opencv", lambda: False)
+    assert not state(drive, match).asks_for_refinement
+
+
+def run(data: Path, out: Path, **words: Any) -> Run:
+    return reconstruct_video(data / "drive.ivf", out, **words)
+
+
+def focal_error(made: Run) -> float:
+    model = made.model.reconstruction
+    assert model is not None
+    return abs(model.camera(1).mean_focal_length() / FOCAL - 1.0)
+
+
+def test_a_run_without_a_camera_finds_the_focal_length(data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    made = run(data, tmp_path / "out")
+    assert made.match.is_refined
+    assert focal_error(made) < 0.02
+    assert not any("--refine" in warning for warning in made.data["warnings"])
+
+
+def test_pictures_that_do_not_fit_leave_the_tracks_as_they_are(
+    data: Path, match: Match, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("cv2")
+
+    def other(*_: Any, **__: Any) -> Any:
+        yield np.zeros((10, 20), np.uint8)
+
+    monkeypatch.setattr("mvmatch.matching.gray_pictures", other)
+    asked = state(data / "drive.ivf", match)
+    stages.load_refined(asked, tmp_path, stages.refine(asked, tmp_path))
+    np.testing.assert_array_equal(asked.match.tracks.xy, match.tracks.xy)
+    assert not asked.match.is_refined
+    assert any("20x10 px" in warning for warning in asked.match.warnings)
+
+    insisting = from_mapping({"refine": {"when": "always"}}, RunOptions())
+    with pytest.raises(DataError, match="20x10 px"):
+        stages.refine(state(data / "drive.ivf", match, options=insisting), tmp_path)
