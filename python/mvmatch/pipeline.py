@@ -360,6 +360,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
         ],
         "peak_rss_mb": peak_rss_mb(),
         "matches": {
+            "is_refined": match.is_refined,
             "num_tracks": len(tracks),
             "num_further_tracks": len(match.further),
             "num_observations": len(tracks.frame),

@@ -117,7 +117,7 @@ def run_outcome(made: Run) -> Outcome:
         figures={
             "video": f"{made.match.num_frames} pictures of {made.match.info.width}x"
             f"{made.match.info.height} px; camera: {made.camera.source}",
-            "tracks": f"{len(made.match.tracks):,}{_moving(made)}; "
+            "tracks": f"{len(made.match.tracks):,}{_aligned(made)}{_moving(made)}; "
             f"{made.database.num_inliers:,} matches in "
             f"{made.database.num_verified_pairs} image pairs",
             **_loops(made),
@@ -175,6 +175,10 @@ def _images(made: Run) -> Path:
     """Return where the pictures are, as far as they are files."""
     facts: dict[str, Any] = made.data["input"]
     return Path(facts["path"]) if facts["kind"] == "frames" else made.out
+
+
+def _aligned(made: Run) -> str:
+    return " aligned to the pictures" if made.match.is_refined else ""
 
 
 def _moving(made: Run) -> str:

@@ -153,7 +153,8 @@ def matches(facts: Facts) -> str:
     if not found:
         return ""
     rows = [
-        ("Tracks", _count(found.get("num_tracks"))),
+        ("Tracks", _count(found.get("num_tracks"))
+         + ", aligned to the pictures" * bool(found.get("is_refined"))),
         ("Observations", _count(found.get("num_observations"))),
         ("Track length", f"mean {_number(found.get('mean_track_length'), 1)}, "
          f"longest {_count(found.get('max_track_length'))}"),
