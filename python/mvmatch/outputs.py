@@ -150,29 +150,34 @@ def camera_warnings(
     choice: CameraChoice, model: ReconstructionResult, *, is_refined: bool = False
 ) -> list[str]:
     """Return what a user must know of the camera: guessed, made to fit, or corrected."""
+    given, used = choice.camera.mean_focal_length(), _used_focal(model)
+    is_kept = used is not None and abs(used / given - 1.0) < _KEPT_FOCAL
     if choice.is_prior:
+        held = ", held because the video tells no focal length that a lens has" * is_kept
         told = (
-            f"The camera is a guess ({choice.source}). "
+            f"The camera is a guess ({choice.source}{held}). "
             "With a calibration (--camera) the model is more accurate"
         )
         if not is_refined:
             means = "--refine" if has_opencv() else "OpenCV (pip install 'mvmatch[refine]')"
             told += f", with {means} the focal length"
         return [*choice.warnings, f"{told}."]
-    if model.reconstruction is None or not model.reconstruction.cameras:
-        return [*choice.warnings]
-    cameras: Any = model.reconstruction.cameras
-    given = choice.camera.mean_focal_length()
-    used = next(iter(cameras.values())).mean_focal_length()
-    change = used / given - 1.0
-    if abs(change) < _KEPT_FOCAL:
+    if used is None or is_kept:
         return [*choice.warnings]
     return [
         *choice.warnings,
         f"The focal length of the {choice.source}, {given:.1f} px, contradicts the video: "
-        f"the model uses {used:.1f} px ({change:+.1%}). "
+        f"the model uses {used:.1f} px ({used / given - 1.0:+.1%}). "
         "--set mapper.intrinsics=fixed holds it as given.",
     ]
+
+
+def _used_focal(model: ReconstructionResult) -> float | None:
+    """Return the focal length of a model in px; None where there is no model."""
+    if model.reconstruction is None or not model.reconstruction.cameras:
+        return None
+    cameras: Any = model.reconstruction.cameras
+    return float(next(iter(cameras.values())).mean_focal_length())
 
 
 def describe_model(

@@ -67,8 +67,9 @@ class State:
         when, match = self.options.refine.when, self.match
         if when != "auto" or not self.choice.is_prior:
             return when == "always"
-        is_whole = match.damage is None and not match.skipped
-        return is_whole and not is_table(self.source) and has_opencv()
+        is_fit = match.damage is None and not match.skipped
+        is_fit &= max(match.info.width, match.info.height) >= self.options.refine.min_size
+        return is_fit and not is_table(self.source) and has_opencv()
 
     @property
     def has_gaps(self) -> bool:

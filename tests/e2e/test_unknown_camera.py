@@ -66,6 +66,8 @@ def test_nothing_is_asked_of_pictures_that_cannot_be_had(
         after_frame=3, num_errors=1, byte_offset=None, section=None, reason="it is damaged"
     )
     holed = dataclasses.replace(match, skipped=(skipped,))
+    small = dataclasses.replace(match, info=dataclasses.replace(match.info, width=208, height=120))
+    assert not state(drive, small).asks_for_refinement
     assert not state(drive, broken).asks_for_refinement
     assert not state(drive, holed).asks_for_refinement
     assert not state(table, match).asks_for_refinement

@@ -14,6 +14,9 @@ class RefineOptions:
     """Pictures are decoded, which costs more than reading their vectors. ``auto`` does so where no
     camera was given: the focal length asks for exacter tracks than poses do
     (docs/decisions/0018-pictures-for-an-unknown-camera.md)."""
+    min_size: int = 240
+    """px, longer side; smaller pictures are not aligned by themselves (``auto``): to their points a
+    window is wide. Measured: at 240 px focal lengths and paths gain, at 208 px models were lost."""
     unaligned: Literal["end", "keep"] = "end"
     """What happens to a track where it cannot be aligned: it ends there, or this observation keeps
     the codec's position (with the last correction) and later ones are tried again. Measured:
@@ -46,6 +49,7 @@ class RefineOptions:
             message = f"unaligned is {self.unaligned!r}; it must be 'end' or 'keep'"
             raise ValueError(message)
         bounds = {
+            "min_size": (self.min_size, 0),
             "max_move": (self.max_move, 0.0),
             "max_round_trip": (self.max_round_trip, 0.0),
             "min_texture": (self.min_texture, 0.0),

@@ -36,6 +36,10 @@ FIT_RADIUS = 1e6
 a longer way: from COLMAP's 1e4 the first step along that valley is so short that it passes for the
 end of it."""
 
+FOCAL_RATIOS = (0.3, 10.0)
+"""Focal lengths over the longer side of the picture that lenses have: 118 degrees to 6 of view.
+Too few points in too few images ask for any, mostly for shorter ones."""
+
 SETTLED = 0.003
 """Relative change of a focal length at which fits of it are over."""
 
@@ -115,12 +119,16 @@ def adjust_unknown_camera(
 
     A drive straight ahead hardly tells distortion from a shorter focal length, and small errors
     that lean the same way in all frames then bend the camera. So distortion stays as it is unless
-    refining it takes away a share of ``options.min_distortion_gain`` of the squared errors.
+    refining it takes away a share of ``options.min_distortion_gain`` of the squared errors. A
+    focal length that no lens has is not believed: the model keeps the one it was mapped with.
     """
     import pycolmap
 
     chosen = pycolmap.Reconstruction(model)
     cost = fit_squares(chosen, "focal length")
+    if is_bogus(chosen):
+        adjust(model, options)
+        return model
     bent = pycolmap.Reconstruction(chosen)
     gain = 1.0 - fit_intrinsics(bent) / max(cost, np.finfo(float).tiny)
     _logger.info("refined distortion takes away %.2f %% of the squared errors", 100 * gain)
@@ -132,7 +140,8 @@ def adjust_unknown_camera(
 
 def is_bogus(model: pycolmap.Reconstruction) -> bool:
     """Return whether a camera has a focal length or a distortion that no lens has."""
-    return any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())
+    bounds = *FOCAL_RATIOS, 1.0
+    return any(camera.has_bogus_params(*bounds) for camera in model.cameras.values())
 
 
 def fit_focal_length(model: pycolmap.Reconstruction) -> float:
