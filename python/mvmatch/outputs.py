@@ -153,9 +153,9 @@ def camera_warnings(
     given, used = choice.camera.mean_focal_length(), _used_focal(model)
     is_kept = used is not None and abs(used / given - 1.0) < _KEPT_FOCAL
     if choice.is_prior:
-        held = ", held because the video tells no focal length that a lens has" * is_kept
+        kept = ", which the model keeps" * is_kept
         told = (
-            f"The camera is a guess ({choice.source}{held}). "
+            f"The camera is a guess ({choice.source}{kept}). "
             "With a calibration (--camera) the model is more accurate"
         )
         if not is_refined:

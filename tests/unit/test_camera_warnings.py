@@ -46,11 +46,11 @@ def test_a_prior_is_called_a_prior(monkeypatch):
         assert means not in warning(is_refined=True)
 
 
-def test_a_prior_that_the_video_could_not_better_is_said_to_be_held():
-    (held,) = camera_warnings(choice(is_prior=True), model_with(500.0))
+def test_a_prior_that_the_video_could_not_better_is_said_to_be_kept():
+    (kept,) = camera_warnings(choice(is_prior=True), model_with(500.0))
     (bettered,) = camera_warnings(choice(is_prior=True), model_with(490.0))
-    assert "held because the video tells no focal length" in held
-    assert "held" not in bettered
+    assert "which the model keeps" in kept
+    assert "keeps" not in bettered
 
 
 def test_what_was_done_to_a_camera_is_said_whatever_becomes_of_the_model():
