@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from mvmatch.encode.watch import StalledError, watched
+from mvmatch.errors import MvmatchError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
@@ -26,7 +30,13 @@ DETAIL_IN_FLAT_AREAS = "enable-variance-boost=1:variance-boost-strength=3"
 """Finer quantisers where the picture has little contrast: the vectors there follow the content
 instead of the cheapest code. Measured in docs/explanation/encoding.md."""
 
+PATIENCE = 120.0
+"""s without a further frame, after which SVT is taken to have stopped."""
+
+_TRIES = 3
 _THREADS = Path("/proc/self/task")
+
+_logger = logging.getLogger(__name__)
 
 
 def is_available() -> bool:
@@ -55,10 +65,40 @@ def encode_to_ivf(
 ) -> list[int]:
     """Encode into an IVF file.
 
+    Once in some thousand runs on a busy machine, all of SVT's threads wait for each other and none
+    comes back (4.1.0, low delay). So it is watched, and started anew.
+
     Returns
     -------
     Presentation time of each frame in units of ``frames.time_base``.
+
+    Raises
+    ------
+    MvmatchError
+        It stopped again and again.
     """
+    for _ in range(_TRIES):
+        try:
+            return watched(
+                lambda tell: encode_once(frames, out, options, tell), progress, patience=PATIENCE
+            )
+        except StalledError:
+            _logger.warning("SVT-AV1 stopped working; %s is encoded anew", frames.path)
+            out.unlink(missing_ok=True)  # what was left behind must not write into the new file
+    message = (
+        f"{frames.path}: SVT-AV1 stopped working {_TRIES} times, each time for {PATIENCE:.0f} s. "
+        "Try another encoder (mvmatch encoders lists them)"
+    )
+    raise MvmatchError(message)
+
+
+def encode_once(
+    frames: FrameSource,
+    out: Path,
+    options: EncodeOptions,
+    tell: Callable[[int, int | None], None],
+) -> list[int]:
+    """Encode on this thread, for as long as it takes."""
     import av
 
     times: list[int] = []
@@ -76,8 +116,7 @@ def encode_to_ivf(
             # The real times come back when the packets are copied: SVT wants a steady clock.
             frame.pts, frame.time_base = len(times) - 1, 1 / frames.frame_rate
             container.mux(stream.encode(frame))
-            if progress is not None:
-                progress(len(times), frames.num_frames)
+            tell(len(times), frames.num_frames)
         container.mux(stream.encode(None))
     return times
 
