@@ -175,7 +175,7 @@ class _Sequence:
             joints = ends(part.model, part.evidence)
             known = frozenset(part.model.reg_image_ids())
         else:
-            joints = find_joints(part.model, part.evidence, self.options.acceptance)
+            joints = find_joints(part.model, part.evidence, self._bounds(part.evidence).acceptance)
             known = frozenset[int]()
         sides = parted(part.evidence.image_ids, joints) if joints else []
         return [ids for ids in sides if self._fits(ids) and known.isdisjoint(ids)], joints
@@ -191,12 +191,21 @@ class _Sequence:
         sound = is_large and part.check.accepted
         return sound and is_sound(part.model, part.check, part.evidence, self.options)
 
+    def _bounds(self, evidence: Evidence) -> MapperOptions:
+        """Return the options, with bounds that are closer for a part."""
+        bounds = self.options.acceptance
+        if evidence.num_images == self.evidence.num_images:
+            return self.options
+        joint = max(bounds.min_joint, bounds.min_part_joint)
+        acceptance = dataclasses.replace(bounds, min_joint=joint)
+        return dataclasses.replace(self.options, acceptance=acceptance)
+
     def _map_part(self, evidence: Evidence) -> _Part | None:
         """Map a part; of key frames complete it."""
         if hopeless(evidence) is not None:
             return None
         folder = self.mapped.parent
-        attempts = Attempts(self.mapped, folder, self.options, evidence)
+        attempts = Attempts(self.mapped, folder, self._bounds(evidence), evidence)
         model, check = attempts.best()
         self.attempts.extend(attempts.made)
         if model is None or check is None:

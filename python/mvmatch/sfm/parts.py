@@ -18,7 +18,12 @@ import numpy as np
 
 from mvmatch.sfm.adjust import fit_focal_length, focal_change
 from mvmatch.sfm.breaks import MIN_PART, runs
-from mvmatch.sfm.checks import contradicted_boundary, weakest_joint
+from mvmatch.sfm.checks import (
+    MIN_ACROSS,
+    contradicted_boundary,
+    registered_pairs,
+    weakest_joint,
+)
 from mvmatch.sfm.result import Joint
 
 if TYPE_CHECKING:
@@ -83,12 +88,15 @@ def is_sound(
     """Whether an accepted part is more than too short to be refused.
 
     A wrong camera bends a whole sequence, but a part of it so little that the matches of its pairs
-    fit either way. So half of the pairs have to confirm a part by their angles as well, and it may
-    not ask for another focal length than the one given.
+    fit either way. So half of the pairs have to confirm a part by their angles as well, fewer than
+    `MIN_ACROSS` pairs confirm nothing, and it may not ask for another focal length than the one
+    given.
     """
     import pycolmap
 
     bounds = options.acceptance
+    if len(registered_pairs(model, evidence)) < MIN_ACROSS:
+        return False
     if not check.median_rotation_error <= bounds.max_rotation_error:
         return False
     if not check.median_direction_error <= bounds.max_direction_error:
