@@ -24,7 +24,7 @@ from mvmatch.sfm import (  # noqa: E402
 )
 from mvmatch.sfm.evidence import read_evidence  # noqa: E402
 from mvmatch.sfm.keyframes import KeyframeOptions  # noqa: E402
-from mvmatch.sfm.parts import find_joints, parted  # noqa: E402
+from mvmatch.sfm.parts import find_joints, is_sound, parted  # noqa: E402
 from mvmatch.sfm.result import Joint  # noqa: E402
 
 FOCAL = 500.0
@@ -164,6 +164,23 @@ def test_a_part_that_is_too_small_is_no_model(tmp_path):
     assert (result.path, result.further, result.joints) == (None, (), ())
     assert "images are registered" in result.reasons[0]
     assert not (tmp_path / "sfm").exists()
+
+
+def test_a_part_that_few_points_hold_together_is_no_model(tmp_path):
+    strict = dataclasses.replace(QUICK, acceptance=AcceptanceOptions(min_part_joint=10_000))
+    parts = Tracks.from_lists(*scene(10, first=0, seed=0), *scene(14, first=10, seed=1))
+    assert status_of(mapped(parts, tmp_path, strict)) == "failed"
+    whole = Tracks.from_lists(*scene(24, first=0, seed=0))
+    assert mapped(whole, tmp_path, strict).accepted, "the bound is one for parts"
+
+
+def test_a_part_is_not_believed_on_the_word_of_two_pairs(tmp_path):
+    result = mapped(Tracks.from_lists(*scene(16, first=0, seed=0)), tmp_path)
+    evidence = read_evidence(tmp_path / "database.db")
+    check = result.attempts[-1].check
+    for count, sound in ((2, False), (3, True)):
+        few = dataclasses.replace(evidence, pairs=evidence.pairs[:count])
+        assert is_sound(result.reconstruction, check, few, QUICK) is sound
 
 
 def test_images_are_parted_after_the_one_before_the_joint():
