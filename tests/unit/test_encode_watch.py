@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -47,6 +50,28 @@ def test_errors_of_the_work_are_those_of_the_caller() -> None:
 
     with pytest.raises(FileNotFoundError, match="no such picture"):
         watched(work, None, patience=60.0)
+
+
+def test_what_failed_work_held_is_let_go_at_once() -> None:
+    """Else an encoder ends whenever the garbage is collected, and says so."""
+
+    class Encoder:
+        pass
+
+    held: list[weakref.ref[Encoder]] = []
+
+    def work(_: Any) -> None:
+        encoder = Encoder()
+        held.append(weakref.ref(encoder))
+        raise ValueError
+
+    gc.disable()
+    try:
+        with suppress(ValueError):
+            watched(work, None, patience=60.0)
+        assert held[0]() is None
+    finally:
+        gc.enable()
 
 
 def test_work_that_goes_on_is_waited_for_however_long(release: threading.Event) -> None:

@@ -73,7 +73,10 @@ def watched(
             if kind == "result":
                 return value
             if kind == "error":
-                raise value
+                try:
+                    raise value
+                finally:
+                    del value  # it knows this frame: what it holds would live on
             if progress is not None:
                 progress(*value)
     finally:
