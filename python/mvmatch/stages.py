@@ -25,6 +25,7 @@ from mvmatch.geometry.movers import track_weights
 from mvmatch.matching import bridge_match, loop_match, match_video, refine_match, stage_progress
 from mvmatch.sfm import (
     DensifySummary,
+    ReconstructionResult,
     densify,
     diagnose,
     reconstruct,
@@ -285,9 +286,15 @@ def load_nothing(state: State, folder: Path, facts: Facts) -> None:
 def map_database(state: State, folder: Path) -> Facts:
     """Reconstruct a model from the database."""
     state.tell("map")
-    result = reconstruct(
-        state.database, folder / outputs.MODEL, options=one_shot(state.options.mapper, state.match)
-    )
+    footage = state.match.footage
+    if footage.stands_still and not state.options.track.keep_zero:
+        # Tracks without zero vectors are those of the movers alone, and make a model of them.
+        share = f"{footage.still_area_share:.0%} of the picture"
+        reason = f"the camera does not move: {share} stays where it is in nine of ten frames"
+        result = ReconstructionResult.refused(state.match.num_frames, reason)
+    else:
+        mapper = one_shot(state.options.mapper, state.match)
+        result = reconstruct(state.database, folder / outputs.MODEL, options=mapper)
     return products.write_result(result, folder)
 
 

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from mvmatch.cli import main
+from mvmatch.config import RunOptions
+from mvmatch.footage import Footage
 from mvmatch.matching import match_video
+from mvmatch.pipeline import reconstruct_video
 from mvmatch.store import read_tracks
 
 if TYPE_CHECKING:
@@ -156,3 +159,20 @@ def test_a_cut_in_the_container_header_is_refused(
     clip = tmp_path / "clip.ivf"
     clip.write_bytes((data / "svt_flat_p8.ivf").read_bytes()[:20])
     assert str(clip) in refused(["probe", str(clip)], capsys)
+
+
+def test_things_that_move_before_a_camera_at_rest_make_no_model(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Preset paper leaves out zero vectors: of such footage it has the movers alone."""
+    monkeypatch.setattr(Footage, "stands_still", True)
+    for preset, is_refused in (("paper", True), ("default", False)):
+        made = reconstruct_video(
+            data / "drive.ivf",
+            tmp_path / preset,
+            camera="260.48",
+            options=RunOptions.preset(preset),
+        )
+        assert made.model.accepted is not is_refused
+        assert is_refused == any("does not move" in reason for reason in made.model.reasons)
+    assert not (tmp_path / "paper" / "sparse").exists()

@@ -191,6 +191,12 @@ def test_repeated_pictures_are_mentioned_when_something_is_wrong(tmp_path):
     assert finding(found, "repeats").frames == ((3, 3),)
 
 
+def test_a_camera_at_rest_is_named_though_all_tracks_move(tmp_path):
+    seen = footage(still_area_share=0.75)
+    found = examine(tmp_path, observe(sideways(20), hidden=(10,)), footage=seen)
+    assert finding(found, "static").frames == ((0, 19),)
+
+
 def test_what_nothing_explains_still_has_a_sentence(tmp_path):
     strict = MapperOptions(max_attempts=1, fallback=False, acceptance=_impossible())
     found = examine(tmp_path, observe(sideways(8)), options=strict)

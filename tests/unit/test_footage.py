@@ -102,3 +102,32 @@ def test_what_is_found_is_said(found, text):
     summary = footage.summary()
     assert summary["cuts"] == list(footage.cuts)
     assert summary["overlay_area_share"] == 2 / 128
+
+
+def test_a_camera_at_rest_is_seen_though_things_move_before_it():
+    """Where zero vectors are left out, tracks see the movers alone."""
+    for moving, stands_still in ((len(BLOCKS) // 4, True), (len(BLOCKS) // 2 + 8, False)):
+        rows = [(b, (3.0, 0.0) if i < moving else (0.0, 0.0)) for i, b in enumerate(BLOCKS)]
+        observer = FootageObserver()
+        fields = [field_from_rows(0, [], width=128, height=64)]
+        for frame in range(1, 16):
+            given = [(block, vector, frame - 1) for block, vector in rows]
+            fields.append(field_from_rows(frame, given, width=128, height=64))
+        tracks = build_tracks(observer.watch(fields), options=RULES)
+        footage = observer.clean(tracks, min_length=3)[1]
+        assert footage.still_area_share == pytest.approx(1 - moving / len(BLOCKS))
+        assert footage.stands_still is stands_still
+        assert footage.summary()["still_area_share"] == footage.still_area_share
+
+
+def test_a_camera_that_stops_for_most_of_the_time_does_not_stand_still():
+    """One frame of twenty that moves is too little, four are enough."""
+    for moving, stands_still in ((1, True), (4, False)):
+        fields = [field_from_rows(0, [], width=128, height=64)]
+        for frame in range(1, 21):
+            vector = (3.0, 0.0) if frame <= moving else (0.0, 0.0)
+            rows = [(block, vector, frame - 1) for block in BLOCKS]
+            fields.append(field_from_rows(frame, rows, width=128, height=64))
+        observer = FootageObserver()
+        tracks = build_tracks(observer.watch(fields), options=RULES)
+        assert observer.clean(tracks, min_length=3)[1].stands_still is stands_still

@@ -117,7 +117,7 @@ def diagnose(
     else:
         parts = [
             *_broken(tracks, footage, frozenset(key_frames), result.total, bool(skipped)),
-            *_motionless(tracks, result.total),
+            *_motionless(tracks, footage, result.total),
             *_degenerate(evidence, result.total),
         ]
         found = parts
@@ -218,9 +218,10 @@ def _thin(tracks: Tracks, known: NDArray[np.bool_]) -> list[Finding]:
     ]
 
 
-def _motionless(tracks: Tracks, num_frames: int) -> list[Finding]:
+def _motionless(tracks: Tracks, footage: Footage, num_frames: int) -> list[Finding]:
     """Find parts in which the camera stands still."""
-    parts = parts_at_rest(tracks, num_frames)
+    whole = [(0, num_frames - 1)]
+    parts = whole if footage.stands_still else parts_at_rest(tracks, num_frames)
     if not parts:
         return []
     return [
@@ -230,7 +231,7 @@ def _motionless(tracks: Tracks, num_frames: int) -> list[Finding]:
             sentence=f"The camera does not move in the pictures {named_parts(parts)}: "
             "without parallax there is no depth.",
             advice="The camera has to move through the scene."
-            if parts == [(0, num_frames - 1)]
+            if parts == whole
             else "Leave them out, or begin where the camera moves.",
         )
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -66,3 +67,21 @@ class ReconstructionResult:
     """Folder of the written model (cameras, rigs, frames, images, points3D)."""
     further: tuple[Path, ...] = ()
     """Folders of the models of other parts that hold, the largest first."""
+
+    @classmethod
+    def refused(cls, total: int, reason: str) -> ReconstructionResult:
+        """Return the result of a sequence of so many images that is not even tried."""
+        return cls(
+            reconstruction=None,
+            registered=0,
+            total=total,
+            num_keyframes=0,
+            unregistered=(),
+            num_points=0,
+            mean_reprojection_error=math.nan,
+            mean_track_length=0.0,
+            accepted=False,
+            reasons=(reason,),
+            attempts=(),
+            path=None,
+        )
