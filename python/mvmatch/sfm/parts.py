@@ -119,12 +119,13 @@ def _weakest(
 ) -> tuple[Joint, ...]:
     """Find the cut that fewer points bridge than hold a model together."""
     ids = evidence.image_ids
-    points, image = weakest_joint(model)
-    place = bisect_right(ids, image) - 1
-    if points >= options.min_joint or not 0 <= place < len(ids) - 1:
-        return ()
-    reason = f"only {points} points of the model hold the two sides together"
-    return (Joint(before=ids[place], after=ids[place + 1], reason=reason),)
+    for views, least, seen in ((1, options.min_joint, ""), (2, options.min_ties, " seen twice")):
+        points, image = weakest_joint(model, views=views)
+        place = bisect_right(ids, image) - 1
+        if points < least and 0 <= place < len(ids) - 1:
+            reason = f"only {points} points of the model{seen} hold the two sides together"
+            return (Joint(before=ids[place], after=ids[place + 1], reason=reason),)
+    return ()
 
 
 def _contradicted(
