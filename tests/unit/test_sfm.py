@@ -426,26 +426,6 @@ def test_a_focal_length_is_tried_from_other_pairs_where_the_first_is_refused(for
     assert estimate_focal(FOCAL, evidence, lambda *_: None) == FOCAL
 
 
-def test_a_focal_length_is_tried_from_other_pairs_where_the_first_leads_to_few_images(forward):
-    path, result = forward
-    evidence = read_evidence(path)
-    images, pairs = thinned(evidence)
-    few = pycolmap.Reconstruction(result.reconstruction)
-    for frame in images[3:]:
-        few.deregister_frame(frame)
-    used = []
-
-    def lose_images_from_the_first(focal, images, initial):
-        model = few if initial == pairs[0] else result.reconstruction
-        used.append(initial)
-        return pycolmap.Reconstruction(model)
-
-    assert estimate_focal(FOCAL, evidence, lose_images_from_the_first) != FOCAL
-    assert used[:2] == pairs[:2]
-    assert used.count(pairs[0]) == used.count(pairs[1]), "the second one is enough"
-    assert len(pairs) == 2 or pairs[2] not in used
-
-
 def test_a_focal_length_that_no_lens_has_is_not_believed(forward, monkeypatch):
     def collapse(model, _refine):
         model.camera(1).focal_length = 0.2 * 640

@@ -40,12 +40,10 @@ MAX_STEP = 4
 """Matches span ten frames: every fourth image still has two neighbours."""
 
 MAX_PAIRS = 3
-"""Initial pairs tried with one focal length: with a wrong one the mapper may refuse the first, or
-get no further than a few images."""
+"""Initial pairs tried with one focal length: with a wrong one the mapper may refuse the first."""
 
 _MIN_SHARE = 0.7
-"""A model with fewer observations than this share of the largest is no candidate; one with fewer
-images of the sequence is tried again from the next pair."""
+"""A model with fewer observations than this share of the largest is no candidate."""
 
 _logger = logging.getLogger(__name__)
 
@@ -84,16 +82,8 @@ def estimate_focal(
     images, initial = thinned(evidence)
 
     def mapped(focal: float) -> pycolmap.Reconstruction | None:
-        largest: pycolmap.Reconstruction | None = None
-        for pair in initial:
-            model = map_images(focal, images, pair)
-            if model is None:
-                continue
-            if largest is None or model.num_reg_images() > largest.num_reg_images():
-                largest = model
-            if largest.num_reg_images() >= _MIN_SHARE * len(images):
-                break
-        return largest
+        models = (map_images(focal, images, pair) for pair in initial)
+        return next((model for model in models if model is not None), None)
 
     candidates: list[_Candidate] = []
     for factor in FACTORS:
