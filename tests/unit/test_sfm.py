@@ -341,6 +341,31 @@ def test_a_model_in_two_halves_is_found_at_its_joint(forward):
     assert weakest_joint(model) == (0, 6)
 
 
+def test_two_scales_are_suspected_where_no_point_is_seen_twice_on_either_side(forward):
+    path, result = forward
+    model = pycolmap.Reconstruction(result.reconstruction)
+    assert check_model(model, read_evidence(path), AcceptanceOptions()).accepted
+    for point_id in list(model.point3D_ids()):
+        views = {e.image_id: e.point2D_idx for e in model.point3D(point_id).track.elements}
+        before, after = (sorted(i for i in views if (i > 5) is side) for side in (False, True))
+        if before and after:  # one view is left on either side
+            for image_id in (*before[:-1], *after[1:]):
+                model.delete_observation(image_id, views[image_id])
+
+    assert weakest_joint(model, views=2)[0] == 0
+    assert weakest_joint(model)[0] > 60
+    reasons = check_model(model, read_evidence(path), AcceptanceOptions()).reasons
+    assert any("only 0 points are seen twice before and after" in reason for reason in reasons)
+
+
+def test_a_model_of_three_images_has_no_cut_that_could_be_seen_twice_over(forward):
+    model = pycolmap.Reconstruction(forward[1].reconstruction)
+    for frame in range(4, FRAMES + 1):
+        model.deregister_frame(frame)
+    assert weakest_joint(model, views=2) == (model.num_points3D(), 1)
+    assert weakest_joint(pycolmap.Reconstruction(), views=2) == (0, 0)
+
+
 def test_a_database_without_matches_gives_no_model(tmp_path):
     empty = Tracks.from_lists()
     result = reconstruct(database(tmp_path, empty), tmp_path / "sfm")
