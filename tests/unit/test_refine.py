@@ -109,6 +109,20 @@ def test_each_anchor_hands_its_point_to_the_next(
     assert np.median(error) < 0.15
 
 
+def test_any_number_of_points_is_aligned(
+    spiral: tuple[list[NDArray[np.uint8]], NDArray[np.float64]],
+) -> None:
+    """OpenCV itself takes fewer than 32,767 of them at once."""
+    x, y = np.meshgrid(np.linspace(80, 240, 260), np.linspace(60, 180, 130))
+    still = np.column_stack([x.ravel(), y.ravel()])
+    truth = tracks_along(np.array([still, still]))
+    assert len(truth) > 32_767
+    picture = spiral[0][0]
+    refined = refine_tracks(perturbed(truth, 0.4), [picture, picture], options=KEEP)
+    error = np.linalg.norm(refined.xy - truth.xy, axis=1)[truth.frame == 1]
+    assert np.quantile(error, 0.9) < 0.1
+
+
 def test_light_that_changes_is_not_taken_for_motion(
     spiral: tuple[list[NDArray[np.uint8]], NDArray[np.float64]],
 ) -> None:

@@ -11,7 +11,14 @@ import numpy as np
 
 from mvmatch.refine.deformation import local_deformation
 from mvmatch.refine.options import RefineOptions
-from mvmatch.refine.patches import align_patches, cut_patches, deform_patches, opencv, split
+from mvmatch.refine.patches import (
+    Alignment,
+    align_patches,
+    cut_patches,
+    deform_patches,
+    opencv,
+    split,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,6 +29,11 @@ if TYPE_CHECKING:
 
 _ANCHOR_HALF = 15
 """px; half the side of a stored patch: room for windows that shrink to anchor_scale's inverse."""
+
+
+_AT_ONCE = 1 << 14
+"""Patches that lie side by side in one image: OpenCV takes no more than 32,766 points in a call,
+and what is deformed and compared takes some 4 kB for each."""
 
 
 def refine_tracks(
@@ -139,21 +151,32 @@ class _Refinement:
         steps = local_deformation(living.xy[row[follows]], guess[follows], options.num_neighbors)
         living.deformation[row[follows]] = steps @ living.deformation[row[follows]]
 
-        half = options.window // 2 + math.ceil(options.max_move) + 2
-        patches = deform_patches(
-            living.patch[row], living.offset[row], living.deformation[row], half
-        )
-        alignment = align_patches(patches, picture, guess, options)
-        xy = np.where(alignment.found[:, None], alignment.xy, guess)
+        found = np.empty(len(row), np.bool_)
+        xy = guess.copy()
+        for start in range(0, len(row), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            alignment = self._find(picture, row[part], guess[part])
+            found[part] = alignment.found
+            xy[part][alignment.found] = alignment.xy[alignment.found]
         self._refined[observation] = xy
-        self._keep[observation] |= alignment.found
+        self._keep[observation] |= found
         living.observation[row], living.xy[row] = observation, xy
         living.correction[row] = xy - self._codec[observation]
         self._renew(frame, picture, row)
         if options.unaligned == "end":
             lost = np.zeros(len(living.track), np.bool_)
-            lost[row[~alignment.found]] = True
+            lost[row[~found]] = True
             self._living = living.select(~lost)
+
+    def _find(
+        self, picture: NDArray[np.uint8], row: NDArray[np.int64], guess: NDArray[np.float64]
+    ) -> Alignment:
+        living, options = self._living, self._options
+        half = options.window // 2 + math.ceil(options.max_move) + 2
+        patches = deform_patches(
+            living.patch[row], living.offset[row], living.deformation[row], half
+        )
+        return align_patches(patches, picture, guess, options)
 
     def _renew(self, frame: int, picture: NDArray[np.uint8], row: NDArray[np.int64]) -> None:
         """Take new anchors from this picture where the old ones are old or look different."""
