@@ -13,7 +13,7 @@ from mvmatch.bridge import BridgeOptions, LoopOptions, bridge_tracks, close_loop
 from mvmatch.errors import DataError
 from mvmatch.footage import FootageObserver, FootageOptions
 from mvmatch.match import Match
-from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
+from mvmatch.refine import RefineOptions, gray_pictures, refine_groups
 from mvmatch.sfm import choose_keyframes
 from mvmatch.sources import (
     FrameFacts,
@@ -110,6 +110,7 @@ def refine_match(
     pictures: Path,
     *,
     options: RefineOptions | None = None,
+    further: bool = True,
     progress: Progress | None = None,
 ) -> Match:
     """Align the tracks of a video to its pictures.
@@ -121,7 +122,10 @@ def refine_match(
     pictures : Path
         The video, or the video or folder of images it was encoded from.
     options : RefineOptions, optional
-        See :func:`mvmatch.refine.refine_tracks`; ``when`` is not looked at.
+        See :func:`mvmatch.refine.refine_groups`; ``when`` is not looked at.
+    further : bool
+        Align the further tracks as well (``TrackOptions.fill``), which are many times as many.
+        What they are has no part in what becomes of the others.
     progress : Progress, optional
         Told after each picture.
 
@@ -140,11 +144,13 @@ def refine_match(
     """
     _require_pictures(match, pictures, "refined")
     decoded = _pictures(match, pictures, stage_progress(progress, "refine"))
-    tracks = refine_tracks(match.tracks, decoded, options=options)
+    groups = [match.tracks, match.further] if further else [match.tracks]
+    tracks, *others = refine_groups(groups, decoded, options=options)
     if len(match.tracks) and not len(tracks):
         message = f"no track fits the pictures of {pictures}. Are they those of the video?"
         raise DataError(message)
-    return dataclasses.replace(match, tracks=tracks, is_refined=True)
+    further_tracks = others[0] if others else match.further
+    return dataclasses.replace(match, tracks=tracks, further=further_tracks, is_refined=True)
 
 
 def bridge_match(

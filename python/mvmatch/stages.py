@@ -122,13 +122,17 @@ def match_depends(state: State) -> Any:
 def refine(state: State, folder: Path) -> Facts:
     """Align the tracks to the pictures: those of the source, which were not encoded.
 
-    Where nobody asked for it, pictures that cannot be used leave the tracks as they are.
+    Where nobody asked for it, pictures that cannot be used leave the tracks as they are, and tracks
+    that only make the model denser stay as they are: the focal length does not ask for them.
     """
     options, refined = state.options.refine, state.match
+    asked = options.when == "always"
     try:
-        refined = refine_match(refined, state.source, options=options, progress=state.progress)
+        refined = refine_match(
+            refined, state.source, options=options, further=asked, progress=state.progress
+        )
     except DataError as error:
-        if options.when == "always":
+        if asked:
             raise
         refined = dataclasses.replace(refined, unrefined=str(error))
     facts = products.write_match_tracks(
@@ -142,9 +146,9 @@ def refine(state: State, folder: Path) -> Facts:
 
 def load_refined(state: State, folder: Path, facts: Facts) -> None:
     """Take the aligned tracks."""
-    tracks, _, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
+    tracks, further, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
     told = {name: facts[name] for name in ("is_refined", "unrefined")}
-    state.match = dataclasses.replace(state.match, tracks=tracks, **told)
+    state.match = dataclasses.replace(state.match, tracks=tracks, further=further, **told)
 
 
 def bridge(state: State, folder: Path) -> Facts:

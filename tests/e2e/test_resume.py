@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("pycolmap")
@@ -183,6 +184,9 @@ def test_refined_tracks_are_kept_beside_those_they_were_made_from(clip: Path, co
     again = full_run(clip, copied, options=refined)
     assert names_made(again) == []
     assert facts(again) == facts(first)
+    for name in ("tracks", "further"):
+        kept, made = (getattr(each.match, name) for each in (again, first))
+        np.testing.assert_array_equal(kept.xy, made.xy)
     assert names_made(full_run(clip, copied)) == AFTER_MATCH
 
 

@@ -167,9 +167,19 @@ def test_the_expected_error_is_that_of_the_linearised_cameras():
         freedom = 2 * NUM_FRAMES - 3
         variance = (usual + freedom * error**2) / (1 + freedom)
         covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
+        centers = [made.image(i).projection_center() for i in made.reg_image_ids()]
+        distance = np.linalg.norm(point - centers, axis=1).min()
         # The pixels of a plane picture are denser to its edge: a few percent at these angles.
-        assert found == pytest.approx(np.sqrt(np.trace(covariance)), rel=0.05)
-    assert expected.tolist() == sorted(expected)
+        assert found == pytest.approx(np.sqrt(np.trace(covariance)) / distance, rel=0.05)
+
+
+def test_the_expected_error_is_the_same_share_at_any_scale():
+    made = model(wall())
+    xyz, expected = points_by_quality(made)
+    made.transform(pycolmap.Sim3d(3.0, pycolmap.Rotation3d(), np.zeros(3)))
+    larger, of_larger = points_by_quality(made)
+    np.testing.assert_allclose(larger, 3 * xyz)
+    np.testing.assert_allclose(of_larger, expected)
 
 
 def test_a_point_without_parallax_is_expected_to_be_infinitely_wrong():

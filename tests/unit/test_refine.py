@@ -14,10 +14,11 @@ import pytest
 from mvmatch.cli import main
 from mvmatch.errors import DataError, MissingExtraError
 from mvmatch.matching import match_video, refine_match
-from mvmatch.refine import RefineOptions, gray_pictures, refine_tracks
+from mvmatch.refine import RefineOptions, gray_pictures, refine_groups, refine_tracks
 from mvmatch.sources import Skipped
 from mvmatch.store import read_tracks
 from mvmatch.testing import exact_paths, synthetic_drive
+from mvmatch.tracks import TrackOptions
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
@@ -238,18 +239,45 @@ def test_images_are_read_in_natural_order(tmp_path: Path) -> None:
     assert all(a < b for a, b in pairwise(means))
 
 
-def test_refined_tracks_have_drifted_less_over_ten_frames(data: Path) -> None:
+def drift(tracks: Tracks) -> float:
+    """Median error after ten frames of drive.ivf, px."""
     scene = synthetic_drive(20, (352, 200))  # what drive.ivf shows
+    errors = []
+    for frame in range(10):
+        pair = tracks.between(frame, frame + 10)
+        target, visible = scene.transfer(frame, frame + 10, pair.xy0)
+        errors.append(np.linalg.norm(pair.xy1 - target, axis=1)[visible])
+    return float(np.median(np.concatenate(errors)))
+
+
+def test_refined_tracks_have_drifted_less_over_ten_frames(data: Path) -> None:
     match = match_video(data / "drive.ivf")
-    medians = []
-    for each in (match, refine_match(match, data / "drive.ivf")):
-        errors = []
-        for frame in range(10):
-            pair = each.tracks.between(frame, frame + 10)
-            target, visible = scene.transfer(frame, frame + 10, pair.xy0)
-            errors.append(np.linalg.norm(pair.xy1 - target, axis=1)[visible])
-        medians.append(np.median(np.concatenate(errors)))
-    assert medians[1] < 0.85 * medians[0]
+    assert drift(refine_match(match, data / "drive.ivf").tracks) < 0.85 * drift(match.tracks)
+
+
+def test_groups_are_aligned_as_if_each_were_alone(
+    spiral: tuple[list[NDArray[np.uint8]], NDArray[np.float64]],
+) -> None:
+    pictures, paths = spiral
+    groups = [perturbed(tracks_along(paths[:end, part]), 0.4)
+              for end, part in ((8, slice(None, None, 2)), (12, slice(1, None, 2)))]  # fmt: skip
+    together = refine_groups([*groups, Tracks.from_lists()], pictures)
+    assert len(together[2]) == 0
+    for refined, group in zip(together, groups, strict=False):
+        alone = refine_tracks(group, pictures)
+        np.testing.assert_array_equal(refined.xy, alone.xy)
+        np.testing.assert_array_equal(refined.frame, alone.frame)
+
+
+def test_tracks_that_make_a_model_denser_are_aligned_too_and_change_nothing_else(
+    data: Path,
+) -> None:
+    match = match_video(data / "drive.ivf", options=TrackOptions.preset("dense"))
+    refined = refine_match(match, data / "drive.ivf")
+    without = refine_match(match, data / "drive.ivf", further=False)
+    np.testing.assert_array_equal(without.tracks.xy, refined.tracks.xy)
+    np.testing.assert_array_equal(without.further.xy, match.further.xy)
+    assert drift(refined.further) < 0.85 * drift(match.further)
 
 
 def test_pictures_of_something_else_are_refused(data: Path) -> None:

@@ -261,13 +261,14 @@ def points_by_quality(
 
     The covariance of a point, its cameras taken as exact: rays from many and different directions
     make it small. The noise of an observation is the point's own reprojection error, drawn to that
-    of the model as far as few observations say little.
+    of the model as far as few observations say little. As a share of the distance, like thresholds
+    of a cloud: what is far is not wrong for being far.
 
     Returns
     -------
     tuple
-        Positions (N, 3) and expected errors (N,), both in units of the model; infinite where all
-        rays run alike.
+        Positions (N, 3) in units of the model, and expected errors (N,) as shares of the distance
+        to the nearest camera that sees the point; infinite where all rays run alike.
     """
     numbers = np.array(sorted(reconstruction.points3D), np.int64)
     points = [reconstruction.points3D[number] for number in numbers.tolist()]
@@ -275,6 +276,7 @@ def points_by_quality(
     error = np.array([point.error for point in points], np.float64)
     information = np.zeros((len(numbers), 3, 3))
     num_rays = np.zeros(len(numbers), np.int64)
+    nearest = np.full(len(numbers), np.inf)
     for number in reconstruction.reg_image_ids():
         image = reconstruction.image(number)
         seen = [point.point3D_id for point in image.points2D if point.has_point3D()]
@@ -285,9 +287,10 @@ def points_by_quality(
         focal = reconstruction.camera(image.camera_id).mean_focal_length()
         information[rows] += focal**2 * across / squared
         num_rays[rows] += 1
+        nearest[rows] = np.minimum(nearest[rows], squared[:, 0, 0])
     freedom = np.maximum(2 * num_rays - 3, 1)
     usual = float(np.mean(error**2)) if len(error) else 0.0
     variance = (usual + freedom * error**2) / (1 + freedom)
     eigenvalues = np.maximum(np.linalg.eigvalsh(information), 0.0)
     with np.errstate(divide="ignore"):
-        return xyz, np.sqrt(variance * (1 / eigenvalues).sum(axis=1))
+        return xyz, np.sqrt(variance * (1 / eigenvalues).sum(axis=1) / nearest)

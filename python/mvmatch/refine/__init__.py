@@ -2,6 +2,6 @@
 
 from mvmatch.refine.options import RefineOptions
 from mvmatch.refine.pictures import gray_pictures
-from mvmatch.refine.refinement import refine_tracks
+from mvmatch.refine.refinement import refine_groups, refine_tracks
 
-__all__ = ["RefineOptions", "gray_pictures", "refine_tracks"]
+__all__ = ["RefineOptions", "gray_pictures", "refine_groups", "refine_tracks"]

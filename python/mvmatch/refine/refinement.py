@@ -21,7 +21,7 @@ from mvmatch.refine.patches import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -44,6 +44,33 @@ def refine_tracks(
 ) -> Tracks:
     """Align tracks to the pictures they were seen in.
 
+    Parameters
+    ----------
+    tracks, pictures, options
+        As for :func:`refine_groups`.
+
+    Returns
+    -------
+    Tracks
+        In the same order; those shorter than two observations are gone.
+
+    Raises
+    ------
+    MissingExtraError, ValueError
+        As :func:`refine_groups` does.
+    """
+    (refined,) = refine_groups((tracks,), pictures, options=options)
+    return refined
+
+
+def refine_groups(
+    groups: Sequence[Tracks],
+    pictures: Iterable[NDArray[np.uint8]],
+    *,
+    options: RefineOptions | None = None,
+) -> list[Tracks]:
+    """Align groups of tracks that know nothing of each other, in one pass over the pictures.
+
     A track's first observation is its first anchor: a patch around it is kept. In each later frame
     the patch, deformed as the neighbouring tracks tell, is aligned near the codec's position. An
     aligned observation becomes the next anchor when the last one is old or looks too different, so
@@ -51,7 +78,7 @@ def refine_tracks(
 
     Parameters
     ----------
-    tracks : Tracks
+    groups : sequence of Tracks
         From the codec's vectors, px.
     pictures : iterable of (H, W) uint8 arrays
         Grey values, in display order from display index 0. Read once, one kept at a time; what else
@@ -62,8 +89,8 @@ def refine_tracks(
 
     Returns
     -------
-    Tracks
-        In the same order; those shorter than two observations are gone.
+    list of Tracks
+        One per group, in the same order; tracks shorter than two observations are gone.
 
     Raises
     ------
@@ -74,13 +101,15 @@ def refine_tracks(
     """
     opencv()
     options = options or RefineOptions()
-    refinement = _Refinement(tracks, options)
-    for frame, picture in zip(range(tracks.num_frames), pictures, strict=False):
+    refinements = [_Refinement(tracks, options) for tracks in groups]
+    num_frames = max((tracks.num_frames for tracks in groups), default=0)
+    for frame, picture in zip(range(num_frames), pictures, strict=False):
         if picture.ndim != 2 or picture.dtype != np.uint8:
             message = f"a picture must be (H, W) uint8, not {picture.shape} {picture.dtype}"
             raise ValueError(message)
-        refinement.add(frame, picture)
-    return refinement.result()
+        for refinement in refinements:
+            refinement.add(frame, picture)
+    return [refinement.result() for refinement in refinements]
 
 
 @dataclass(kw_only=True, eq=False)
