@@ -145,7 +145,7 @@ class TrackLinker:
         cell: int | None,
         extend: bool,
         min_length: int,
-        fill: int | None,
+        fill: tuple[int, float | None, float | None] | None,
         window: int | None,
     ) -> TrackLinker: ...
     def push(self, columns: MotionField) -> None: ...

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from mvmatch.types import Tracks
 
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from mvmatch.footage import Footage
     from mvmatch.sources import FrameFacts, ReferenceStructure, Skipped
     from mvmatch.types import VideoInfo
+
+
+TrackGroup = Literal["tracks", "further"]
+"""A field of :class:`Match`."""
 
 
 class Progress(Protocol):
@@ -45,9 +49,11 @@ class Match:
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
     is_refined: bool = False
-    """Whether the tracks are aligned to the pictures (:func:`mvmatch.pipeline.refine_match`)."""
+    """Whether ``tracks`` are aligned to the pictures (:func:`mvmatch.pipeline.refine_match`)."""
+    is_further_refined: bool = False
+    """Whether ``further`` are."""
     unrefined: str | None = None
-    """Why they are not, where that was to be done by itself."""
+    """Why those are not that were to be aligned by themselves."""
     gaps: tuple[int, ...] = ()
     """Pictures after which the scene jumps or so few tracks went on that descriptors were asked
     (:mod:`mvmatch.bridge`); the tracks found are among ``tracks``."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
 
-    from mvmatch.match import Progress
+    from mvmatch.match import Progress, TrackGroup
 
 
 def match_video(
@@ -110,7 +110,7 @@ def refine_match(
     pictures: Path,
     *,
     options: RefineOptions | None = None,
-    further: bool = True,
+    groups: Sequence[TrackGroup] = ("tracks", "further"),
     progress: Progress | None = None,
 ) -> Match:
     """Align the tracks of a video to its pictures.
@@ -123,9 +123,8 @@ def refine_match(
         The video, or the video or folder of images it was encoded from.
     options : RefineOptions, optional
         See :func:`mvmatch.refine.refine_groups`; ``when`` is not looked at.
-    further : bool
-        Align the further tracks as well (``TrackOptions.fill``), which are many times as many.
-        What they are has no part in what becomes of the others.
+    groups : sequence of {"tracks", "further"}
+        Which of the match's tracks are aligned. Neither has a part in what becomes of the others.
     progress : Progress, optional
         Told after each picture.
 
@@ -144,13 +143,17 @@ def refine_match(
     """
     _require_pictures(match, pictures, "refined")
     decoded = _pictures(match, pictures, stage_progress(progress, "refine"))
-    groups = [match.tracks, match.further] if further else [match.tracks]
-    tracks, *others = refine_groups(groups, decoded, options=options)
-    if len(match.tracks) and not len(tracks):
-        message = f"no track fits the pictures of {pictures}. Are they those of the video?"
-        raise DataError(message)
-    further_tracks = others[0] if others else match.further
-    return dataclasses.replace(match, tracks=tracks, further=further_tracks, is_refined=True)
+    refined = refine_groups([getattr(match, group) for group in groups], decoded, options=options)
+    for group, tracks in zip(groups, refined, strict=True):
+        if len(getattr(match, group)) and not len(tracks):
+            message = f"no track fits the pictures of {pictures}. Are they those of the video?"
+            raise DataError(message)
+    return dataclasses.replace(
+        match,
+        **dict(zip(groups, refined, strict=True)),
+        is_refined=match.is_refined or "tracks" in groups,
+        is_further_refined=match.is_further_refined or "further" in groups,
+    )
 
 
 def bridge_match(

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     from mvmatch.camera import CameraChoice
     from mvmatch.encode import EncodeResult
+    from mvmatch.match import Match
+    from mvmatch.refine import RefineOptions
     from mvmatch.sfm import DensifySummary, Diagnosis, MapperOptions, ReconstructionResult
     from mvmatch.types import Tracks, VideoInfo
 
@@ -169,6 +171,18 @@ def camera_warnings(
         f"The focal length of the {choice.source}, {given:.1f} px, contradicts the video: "
         f"the model uses {used:.1f} px ({used / given - 1.0:+.1%}). "
         "--set mapper.intrinsics=fixed holds it as given.",
+    ]
+
+
+def dense_warnings(match: Match, options: RefineOptions) -> list[str]:
+    """Return what would make the points of further tracks exacter, if it is not there."""
+    if not len(match.further) or match.is_further_refined or options.when != "auto":
+        return []
+    if has_opencv():
+        return []
+    return [
+        "Further tracks are not aligned to the pictures; with OpenCV "
+        "(pip install 'mvmatch[refine]') their points are exacter."
     ]
 
 

@@ -60,10 +60,10 @@ STAGES = (
         name="refine",
         title="refine",
         needs=("match",),
-        depends=lambda state: state.options.refine if state.asks_for_refinement else None,
+        depends=lambda state: [state.options.refine, state.refines] if state.refines else None,
         make=stages.refine,
         load=stages.load_refined,
-        is_wanted=lambda state: state.asks_for_refinement,
+        is_wanted=lambda state: bool(state.refines),
     ),
     Stage(
         name="bridge",
@@ -348,6 +348,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
         *(run.encoding.warnings if run.encoding else ()),
         *match.warnings,
         *outputs.camera_warnings(run.camera, model, is_refined=match.is_refined),
+        *outputs.dense_warnings(match, options.refine),
     ]
     return {
         **outputs.provenance(),
@@ -361,6 +362,7 @@ def _report_data(run: Run, state: State, costs: Sequence[StageCost]) -> dict[str
         "peak_rss_mb": peak_rss_mb(),
         "matches": {
             "is_refined": match.is_refined,
+            "is_further_refined": match.is_further_refined,
             "num_tracks": len(tracks),
             "num_further_tracks": len(match.further),
             "num_observations": len(tracks.frame),

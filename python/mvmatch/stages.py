@@ -120,19 +120,17 @@ def match_depends(state: State) -> Any:
 
 
 def refine(state: State, folder: Path) -> Facts:
-    """Align the tracks to the pictures: those of the source, which were not encoded.
+    """Align tracks to the pictures: those of the source, which were not encoded.
 
-    Where nobody asked for it, pictures that cannot be used leave the tracks as they are, and tracks
-    that only make the model denser stay as they are: the focal length does not ask for them.
+    Where nobody asked for it, pictures that cannot be used leave the tracks as they are.
     """
     options, refined = state.options.refine, state.match
-    asked = options.when == "always"
     try:
         refined = refine_match(
-            refined, state.source, options=options, further=asked, progress=state.progress
+            refined, state.source, options=options, groups=state.refines, progress=state.progress
         )
     except DataError as error:
-        if asked:
+        if options.when == "always":
             raise
         refined = dataclasses.replace(refined, unrefined=str(error))
     facts = products.write_match_tracks(
@@ -141,13 +139,17 @@ def refine(state: State, folder: Path) -> Facts:
         image_names=state.image_names,
         options=to_mapping(state.options.track),
     )
-    return facts | {name: getattr(refined, name) for name in ("is_refined", "unrefined")}
+    return facts | {name: getattr(refined, name) for name in _REFINED}
+
+
+_REFINED = ("is_refined", "is_further_refined", "unrefined")
+"""Fields of a match that say what was aligned."""
 
 
 def load_refined(state: State, folder: Path, facts: Facts) -> None:
     """Take the aligned tracks."""
     tracks, further, _ = products.read_match_tracks(folder / outputs.TRACKS, facts)
-    told = {name: facts[name] for name in ("is_refined", "unrefined")}
+    told = {name: facts[name] for name in _REFINED}
     state.match = dataclasses.replace(state.match, tracks=tracks, further=further, **told)
 
 

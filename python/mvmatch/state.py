@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mvmatch.config import RunOptions
     from mvmatch.encode import EncodeResult
     from mvmatch.export.colmap import DatabaseSummary
-    from mvmatch.match import Match, Progress
+    from mvmatch.match import Match, Progress, TrackGroup
     from mvmatch.sfm import DensifySummary, ReconstructionResult
     from mvmatch.types import Tracks
 
@@ -62,14 +62,22 @@ class State:
         return parse_camera(self.camera, info.width, info.height, pictures=self.source)
 
     @property
-    def asks_for_refinement(self) -> bool:
-        """Whether tracks are to be aligned to the pictures; by itself where that can be done."""
+    def refines(self) -> tuple[TrackGroup, ...]:
+        """Which tracks are to be aligned to the pictures; by itself where it pays and can be done.
+
+        It pays where nobody knows the camera, and for tracks that only make the model denser.
+        """
         when, match = self.options.refine.when, self.match
-        if when != "auto" or not self.choice.is_prior:
-            return when == "always"
+        wanted: tuple[tuple[TrackGroup, bool], ...] = (
+            ("tracks", when == "always" or self.choice.is_prior),
+            ("further", len(match.further) > 0),
+        )
         is_fit = match.damage is None and not match.skipped
         is_fit &= max(match.info.width, match.info.height) >= self.options.refine.min_size
-        return is_fit and not is_table(self.source) and has_opencv()
+        is_fit &= not is_table(self.source) and has_opencv()
+        if when == "never" or (when == "auto" and not is_fit):
+            return ()
+        return tuple(group for group, is_wanted in wanted if is_wanted)
 
     @property
     def has_gaps(self) -> bool:

@@ -65,6 +65,12 @@ class TrackOptions:
     """px; side of the cells of further tracks, which start at the middle of each cell that no track
     passes and a usable block covers. They are not matched: their points join the finished model
     (:func:`mvmatch.sfm.densify`). None: there are none."""
+    fill_error: float | None = 0.5
+    """px at rest; ``max_error`` of further tracks. Poses are known when they are triangulated, and
+    tell what is wrong: measured, a third of the surface is nearer to points of worse vectors than
+    to those of good ones, and these are no less exact."""
+    fill_drift: float | None = 1.0
+    """px at rest; their ``max_drift``."""
     max_gap: int | None = 10
     """Frames; matches of a track are exported for pairs up to this far apart; None: every pair on
     a track, as the paper does, quadratic in the length of the tracks."""
@@ -76,6 +82,8 @@ class TrackOptions:
         bounds = {
             "max_error": (self.max_error, 0.0),
             "max_drift": (self.max_drift, 0.0),
+            "fill_error": (self.fill_error, 0.0),
+            "fill_drift": (self.fill_drift, 0.0),
             "epsilon": (self.epsilon, 0.0),
             "tau": (self.tau, 0.0),
             "cell": (self.cell, 1),
@@ -92,11 +100,6 @@ class TrackOptions:
         if not 1 <= self.num_neighbors <= 32:
             message = f"num_neighbors is {self.num_neighbors}; it must be 1 to 32"
             raise ValueError(message)
-
-    @property
-    def needs_errors(self) -> bool:
-        """Whether the expected errors of vectors are asked for."""
-        return self.max_error is not None or self.max_drift is not None
 
     @classmethod
     def preset(cls, name: str) -> TrackOptions:
@@ -120,7 +123,7 @@ class TrackOptions:
         """
         presets: dict[str, dict[str, Any]] = {
             "default": {},
-            "dense": {"fill": 2},
+            "dense": {"fill": 3},
             "fast": {"max_keypoints_per_image": 500},
             "paper": {
                 "keep_zero": False,
@@ -194,9 +197,10 @@ def chain_fields(
     from mvmatch._core import TrackLinker
 
     options = options or TrackOptions()
+    fill = options.fill and (options.fill, options.fill_error, options.fill_drift)
     linker = TrackLinker(
         keep_zero=options.keep_zero,
-        error_weights=default_error_model().weights if options.needs_errors else None,
+        error_weights=default_error_model().weights,
         max_error=options.max_error,
         max_drift=options.max_drift,
         num_neighbors=options.num_neighbors,
@@ -207,7 +211,7 @@ def chain_fields(
         cell=options.cell,
         extend=options.extend,
         min_length=options.min_length,
-        fill=options.fill,
+        fill=fill,
         window=options.window,
     )
     decoded, size = -1, (1, 1)

@@ -16,6 +16,7 @@ from mvmatch.matching import match_video
 from mvmatch.pipeline import reconstruct_video
 from mvmatch.sources.options import Skipped
 from mvmatch.state import State
+from mvmatch.tracks import TrackOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,11 +50,26 @@ def test_tracks_are_aligned_where_the_camera_is_unknown_unless_told_otherwise(
     never, always = (
         from_mapping({"refine": {"when": word}}, RunOptions()) for word in ("never", "always")
     )
-    assert state(drive, match).asks_for_refinement
-    assert not state(drive, match, camera=given).asks_for_refinement
-    assert not state(drive, match, options=never).asks_for_refinement
-    assert state(drive, match, camera=given, options=always).asks_for_refinement
-    assert not state(drive, match, options=RunOptions.preset("paper")).asks_for_refinement
+    assert state(drive, match).refines == ("tracks",)
+    assert not state(drive, match, camera=given).refines
+    assert not state(drive, match, options=never).refines
+    assert state(drive, match, camera=given, options=always).refines == ("tracks",)
+    assert not state(drive, match, options=RunOptions.preset("paper")).refines
+
+
+def test_tracks_that_only_make_the_model_denser_are_aligned_whoever_knows_the_camera(
+    data: Path,
+) -> None:
+    pytest.importorskip("cv2")
+    drive, given = data / "drive.ivf", f"{FOCAL}"
+    dense = match_video(drive, options=TrackOptions.preset("dense"))
+    never, always = (
+        from_mapping({"refine": {"when": word}}, RunOptions()) for word in ("never", "always")
+    )
+    assert state(drive, dense).refines == ("tracks", "further")
+    assert state(drive, dense, camera=given).refines == ("further",)
+    assert state(drive, dense, camera=given, options=always).refines == ("tracks", "further")
+    assert not state(drive, dense, options=never).refines
 
 
 def test_nothing_is_asked_of_pictures_that_cannot_be_had(
@@ -67,12 +83,12 @@ def test_nothing_is_asked_of_pictures_that_cannot_be_had(
     )
     holed = dataclasses.replace(match, skipped=(skipped,))
     small = dataclasses.replace(match, info=dataclasses.replace(match.info, width=208, height=120))
-    assert not state(drive, small).asks_for_refinement
-    assert not state(drive, broken).asks_for_refinement
-    assert not state(drive, holed).asks_for_refinement
-    assert not state(table, match).asks_for_refinement
+    assert not state(drive, small).refines
+    assert not state(drive, broken).refines
+    assert not state(drive, holed).refines
+    assert not state(table, match).refines
     monkeypatch.setattr("mvmatch.state.has_opencv", lambda: False)
-    assert not state(drive, match).asks_for_refinement
+    assert not state(drive, match).refines
 
 
 def run(data: Path, out: Path, **words: Any) -> Run:

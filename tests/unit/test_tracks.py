@@ -186,7 +186,8 @@ def test_filling_starts_no_track_where_no_usable_block_is():
     block = [0, 0, 32, 32]
     rows = ([], [(block, (0.0, 0.0), 0)], [(block, (0.0, 0.0), 1)])
     fields = [field_from_rows(frame, each) for frame, each in enumerate(rows)]
-    tracks = build_tracks(fields, options=replace(PLAIN, cell=8, fill=4))
+    filled = replace(PLAIN, cell=8, fill=4, fill_error=None, fill_drift=None)
+    tracks = build_tracks(fields, options=filled)
     assert len(tracks) == 64
     assert tracks.xy.max() < 32
 

@@ -32,6 +32,6 @@ mod window;
 pub use confidence::{ErrorModel, vector_errors};
 pub use field::{Field, FieldError};
 pub use filter::{FitOptions, LocalFit, fit_neighbors};
-pub use link::{LinkOptions, Linked, Linker};
+pub use link::{Fill, LinkOptions, Linked, Linker};
 pub use motion::{Carry, Cosine, Follow};
 pub use tracks::Tracks;

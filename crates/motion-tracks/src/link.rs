@@ -14,7 +14,7 @@ use crate::window::{REACH, chain_window};
 pub struct LinkOptions {
     /// Whether vectors of length zero count; without them such blocks are as if intra coded.
     pub keep_zero: bool,
-    /// How far off vectors are expected to be; without it they are all as good.
+    /// How far off vectors are expected to be; asked where a bound is set.
     pub error_model: Option<ErrorModel>,
     /// Vectors with a larger median error than this, px at rest, are not used. What moves faster may
     /// be off by more: near points move fast, and they carry the geometry.
@@ -36,12 +36,29 @@ pub struct LinkOptions {
     pub extend: bool,
     /// Shorter tracks, in observations, are dropped.
     pub min_length: u32,
-    /// Side in px of the square cells of further tracks, which start at the middle of every cell that
-    /// the others leave free and a usable block covers; none without.
-    pub fill: Option<u32>,
+    /// Further tracks; none without.
+    pub fill: Option<Fill>,
     /// Coded frames that are chained at once: tracks of longer clips go on from window to window.
     /// Without, all frames are held until the end.
     pub window: Option<u32>,
+}
+
+impl LinkOptions {
+    fn needs_fit(&self) -> bool {
+        self.error_model.is_some() || self.carry != Carry::Translate
+    }
+}
+
+/// Rules of further tracks where they differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fill {
+    /// Side in px of the square cells in whose middle they start, where the other tracks leave the
+    /// cell free and a usable block covers it.
+    pub side: u32,
+    /// As [`LinkOptions::max_error`].
+    pub max_error: Option<f32>,
+    /// As [`LinkOptions::max_drift`].
+    pub max_drift: Option<f32>,
 }
 
 /// The usable rows of one frame, compact: 20 bytes per row, 4 more with a filter and 16 more if points
@@ -61,109 +78,9 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// Number of rows.
-    pub(crate) fn len(&self) -> usize {
-        self.packed_blocks.len()
-    }
-
-    /// Block of a row, px.
-    pub(crate) fn block(&self, row: usize) -> [i32; 4] {
-        self.packed_blocks[row].map(i32::from)
-    }
-
-    /// Squared error that following a row adds, px².
-    pub(crate) fn variance(&self, row: usize) -> f32 {
-        self.errors.get(row).map_or(0.0, |error| error * error)
-    }
-
-    pub(crate) fn motion(&self, row: usize) -> Motion {
-        let linear = self.slopes.get(row).copied().unwrap_or_default();
-        Motion {
-            vector: self.vectors[row],
-            linear,
-        }
-    }
-}
-
-/// Tracks that will not grow any more.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Linked {
-    /// What is matched and mapped, the same for any `fill`.
-    pub tracks: Tracks,
-    /// Those of `fill`.
-    pub further: Tracks,
-}
-
-/// Collects motion fields in decode order and turns them into tracks.
-///
-/// Keeps the compact rows of one window of frames and the tracks that reach its end: the walk over a
-/// window starts at its end.
-pub struct Linker {
-    options: LinkOptions,
-    /// Frames that new points may still reach: those of the window, behind some that are chained.
-    layers: Vec<Layer>,
-    /// How many of the layers are chained.
-    num_chained: usize,
-    chain: Chain,
-    /// Chain and seeds of the further tracks.
-    further: Option<(Chain, Seeds)>,
-    finished: Linked,
-}
-
-impl Linker {
-    /// An empty linker.
-    #[must_use]
-    pub fn new(options: LinkOptions) -> Self {
-        let further = options.fill.map(|side| {
-            let side = side.max(1);
-            let cell = Some(side);
-            (
-                Chain::new(LinkOptions { cell, ..options }),
-                Seeds::Cells { side },
-            )
-        });
-        Self {
-            options,
-            layers: Vec::new(),
-            num_chained: 0,
-            chain: Chain::new(options),
-            further,
-            finished: Linked::none(),
-        }
-    }
-
-    /// Adds the next frame in decode order, filtered; frames without vectors belong here as well.
-    ///
-    /// A frame whose display index lies so far behind that its window is closed is left out.
-    ///
-    /// # Errors
-    /// If the field is not valid; nothing is added then.
-    pub fn push(&mut self, field: &Field<'_>) -> Result<(), FieldError> {
-        field.validate()?;
-        let num_fresh = self.layers.len() - self.num_chained;
-        if let Some(window) = self.options.window
-            && num_fresh >= window.max(1) as usize
-        {
-            self.chain();
-            self.close(window);
-        }
-        if self.chain.is_closed(field.frame) {
-            return Ok(());
-        }
-        let needs_fit =
-            self.options.error_model.is_some() || self.options.carry != Carry::Translate;
-        let fits = if needs_fit {
-            fit_neighbors(field, &self.options.fit)
-        } else {
-            Vec::new()
-        };
-        self.layers.push(self.select(field, &fits));
-        Ok(())
-    }
-
-    fn select(&self, field: &Field<'_>, fits: &[LocalFit]) -> Layer {
-        let options = &self.options;
-        let mut layer = Layer {
+    /// What may be followed of a field.
+    fn select(field: &Field<'_>, fits: &[LocalFit], options: &LinkOptions) -> Self {
+        let mut layer = Self {
             frame: field.frame,
             width: field.width,
             height: field.height,
@@ -201,6 +118,142 @@ impl Linker {
         layer
     }
 
+    /// Number of rows.
+    pub(crate) fn len(&self) -> usize {
+        self.packed_blocks.len()
+    }
+
+    /// Block of a row, px.
+    pub(crate) fn block(&self, row: usize) -> [i32; 4] {
+        self.packed_blocks[row].map(i32::from)
+    }
+
+    /// Squared error that following a row adds, px².
+    pub(crate) fn variance(&self, row: usize) -> f32 {
+        self.errors.get(row).map_or(0.0, |error| error * error)
+    }
+
+    pub(crate) fn motion(&self, row: usize) -> Motion {
+        let linear = self.slopes.get(row).copied().unwrap_or_default();
+        Motion {
+            vector: self.vectors[row],
+            linear,
+        }
+    }
+}
+
+/// Tracks that will not grow any more.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linked {
+    /// What is matched and mapped, the same for any `fill`.
+    pub tracks: Tracks,
+    /// Those of `fill`.
+    pub further: Tracks,
+}
+
+/// Tracks of one kind: their rules, what they may follow, and how far they have come.
+struct Walk {
+    options: LinkOptions,
+    seeds: Seeds,
+    /// Frames that new points may still reach: those of the window, behind some that are chained.
+    layers: Vec<Layer>,
+    chain: Chain,
+}
+
+impl Walk {
+    fn new(mut options: LinkOptions, seeds: Seeds) -> Self {
+        if options.max_error.or(options.max_drift).is_none() {
+            options.error_model = None;
+        }
+        Self {
+            options,
+            seeds,
+            layers: Vec::new(),
+            chain: Chain::new(options),
+        }
+    }
+
+    fn chain(&mut self, num_chained: usize) {
+        chain_window(&mut self.chain, &self.layers, num_chained, self.seeds);
+    }
+
+    /// Lets go of everything that later windows cannot reach, and returns the tracks that ended.
+    fn close(&mut self, floor: i32, most: usize) -> Tracks {
+        self.layers.retain(|layer| layer.frame >= floor);
+        self.layers.drain(..self.layers.len().saturating_sub(most));
+        self.chain.close(floor)
+    }
+}
+
+/// Collects motion fields in decode order and turns them into tracks.
+///
+/// Keeps the compact rows of one window of frames and the tracks that reach its end: the walk over a
+/// window starts at its end.
+pub struct Linker {
+    own: Walk,
+    /// Those of `fill`.
+    further: Option<Walk>,
+    /// How many of the layers are chained.
+    num_chained: usize,
+    finished: Linked,
+}
+
+impl Linker {
+    /// An empty linker.
+    #[must_use]
+    pub fn new(options: LinkOptions) -> Self {
+        let further = options.fill.map(|fill| {
+            let side = fill.side.max(1);
+            let rules = LinkOptions {
+                cell: Some(side),
+                max_error: fill.max_error,
+                max_drift: fill.max_drift,
+                ..options
+            };
+            Walk::new(rules, Seeds::Cells { side })
+        });
+        Self {
+            own: Walk::new(options, Seeds::in_blocks(&options)),
+            further,
+            num_chained: 0,
+            finished: Linked::none(),
+        }
+    }
+
+    /// Adds the next frame in decode order, filtered; frames without vectors belong here as well.
+    ///
+    /// A frame whose display index lies so far behind that its window is closed is left out.
+    ///
+    /// # Errors
+    /// If the field is not valid; nothing is added then.
+    pub fn push(&mut self, field: &Field<'_>) -> Result<(), FieldError> {
+        field.validate()?;
+        let options = self.own.options;
+        let num_fresh = self.own.layers.len() - self.num_chained;
+        if let Some(window) = options.window
+            && num_fresh >= window.max(1) as usize
+        {
+            self.chain();
+            self.close(window);
+        }
+        if self.own.chain.is_closed(field.frame) {
+            return Ok(());
+        }
+        let mut walks: Vec<&mut Walk> = [Some(&mut self.own), self.further.as_mut()]
+            .into_iter()
+            .flatten()
+            .collect();
+        let fits = if walks.iter().any(|walk| walk.options.needs_fit()) {
+            fit_neighbors(field, &options.fit)
+        } else {
+            Vec::new()
+        };
+        for walk in &mut walks {
+            walk.layers.push(Layer::select(field, &fits, &walk.options));
+        }
+        Ok(())
+    }
+
     /// Takes the tracks that have ended since the last time; there are some after each window.
     pub fn take(&mut self) -> Linked {
         std::mem::replace(&mut self.finished, Linked::none())
@@ -211,39 +264,36 @@ impl Linker {
     pub fn finish(mut self) -> Linked {
         self.chain();
         let mut finished = self.finished;
-        finished.tracks.append(&self.chain.finish());
-        if let Some((further, _)) = self.further {
-            finished.further.append(&further.finish());
+        finished.tracks.append(&self.own.chain.finish());
+        if let Some(further) = self.further {
+            finished.further.append(&further.chain.finish());
         }
         finished
     }
 
     /// Chains the layers that are not yet.
     fn chain(&mut self) {
-        if self.num_chained == self.layers.len() {
+        if self.num_chained == self.own.layers.len() {
             return;
         }
-        let seeds = Seeds::in_blocks(&self.options);
-        chain_window(&mut self.chain, &self.layers, self.num_chained, seeds);
-        if let Some((further, seeds)) = &mut self.further {
-            self.chain.occupy(further);
-            chain_window(further, &self.layers, self.num_chained, *seeds);
+        self.own.chain(self.num_chained);
+        if let Some(further) = &mut self.further {
+            self.own.chain.occupy(&mut further.chain);
+            further.chain(self.num_chained);
         }
     }
 
     /// Lets go of everything that cannot be reached from later windows.
     fn close(&mut self, window: u32) {
-        let newest = self.layers.iter().map(|layer| layer.frame).max();
+        let newest = self.own.layers.iter().map(|layer| layer.frame).max();
         let floor = newest.unwrap_or_default().saturating_sub(REACH);
-        self.finished.tracks.append(&self.chain.close(floor));
-        if let Some((further, _)) = &mut self.further {
-            self.finished.further.append(&further.close(floor));
-        }
-        self.layers.retain(|layer| layer.frame >= floor);
         // Streams that code one picture over and over must not pile up.
         let most = window.max(2 * REACH.unsigned_abs()) as usize;
-        self.layers.drain(..self.layers.len().saturating_sub(most));
-        self.num_chained = self.layers.len();
+        self.finished.tracks.append(&self.own.close(floor, most));
+        if let Some(further) = &mut self.further {
+            self.finished.further.append(&further.close(floor, most));
+        }
+        self.num_chained = self.own.layers.len();
     }
 }
 

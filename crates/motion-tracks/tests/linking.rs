@@ -2,7 +2,7 @@
 #![allow(clippy::float_cmp, reason = "expected values are exact in binary")]
 
 use motion_tracks::{
-    Carry, Cosine, Field, FitOptions, Follow, LinkOptions, Linked, Linker, Tracks,
+    Carry, Cosine, Field, Fill, FitOptions, Follow, LinkOptions, Linked, Linker, Tracks,
 };
 
 const PLAIN: LinkOptions = LinkOptions {
@@ -278,7 +278,11 @@ fn filling_seeds_every_covered_cell_that_no_given_track_passes() {
         (2, &[(half, [0.0, 0.0], 1)]),
     ];
     let options = LinkOptions {
-        fill: Some(8),
+        fill: Some(Fill {
+            side: 8,
+            max_error: None,
+            max_drift: None,
+        }),
         ..PLAIN
     };
     let Linked { tracks, further } = pushed(options, &still).finish();

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use motion_tracks::{Carry, Field, FitOptions, Follow, LinkOptions, Linked, Linker, Tracks};
+use motion_tracks::{Carry, Field, Fill, FitOptions, Follow, LinkOptions, Linked, Linker, Tracks};
 
 const CELL: u32 = 8;
 
@@ -23,7 +23,11 @@ const THINNED: LinkOptions = LinkOptions {
     cell: Some(CELL),
     extend: true,
     min_length: 3,
-    fill: Some(4),
+    fill: Some(Fill {
+        side: 4,
+        max_error: Some(0.5),
+        max_drift: Some(1.0),
+    }),
     window: None,
 };
 

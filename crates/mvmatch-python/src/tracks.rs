@@ -1,8 +1,8 @@
 //! Door to `motion-tracks`: NumPy columns in, NumPy columns out.
 
 use motion_tracks::{
-    Carry, Cosine, ErrorModel, Field, FieldError, FitOptions, Follow, LinkOptions, Linked, Linker,
-    Tracks,
+    Carry, Cosine, ErrorModel, Field, FieldError, Fill, FitOptions, Follow, LinkOptions, Linked,
+    Linker, Tracks,
 };
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -120,7 +120,7 @@ impl TrackLinker {
         cell: Option<u32>,
         extend: bool,
         min_length: u32,
-        fill: Option<u32>,
+        fill: Option<(u32, Option<f32>, Option<f32>)>,
         window: Option<u32>,
     ) -> PyResult<Self> {
         let options = LinkOptions {
@@ -138,7 +138,11 @@ impl TrackLinker {
             cell,
             extend,
             min_length,
-            fill,
+            fill: fill.map(|(side, max_error, max_drift)| Fill {
+                side,
+                max_error,
+                max_drift,
+            }),
             window,
         };
         Ok(Self {

@@ -122,7 +122,7 @@ def run_outcome(made: Run) -> Outcome:
             f"{made.database.num_verified_pairs} image pairs",
             **_loops(made),
             **model_figures(made.model),
-            **({} if made.dense is None else {"dense": f"{made.dense.num_points:,} points"}),
+            **_dense(made),
             **_cost(made),
         },
         next=(
@@ -179,6 +179,14 @@ def _images(made: Run) -> Path:
 
 def _aligned(made: Run) -> str:
     return " aligned to the pictures" if made.match.is_refined else ""
+
+
+def _dense(made: Run) -> dict[str, str]:
+    """Return what further tracks became, where there were any."""
+    if made.dense is None:
+        return {}
+    aligned = ", aligned to the pictures" * made.match.is_further_refined
+    return {"dense": f"{made.dense.num_points:,} points{aligned}"}
 
 
 def _moving(made: Run) -> str:

@@ -241,11 +241,12 @@ def _loops(facts: Facts) -> list[tuple[str, str]]:
     return [("Image pairs of closed loops", _count(len(items(facts, "loops"))))]
 
 
-def _dense(found: Facts) -> list[tuple[str, str]]:
+def _dense(found: Facts, *, is_refined: bool) -> list[tuple[str, str]]:
     if not found:
         return []
     added, tracks = _count(found.get("num_added")), _count(found.get("num_tracks"))
     text = f"{_count(found.get('num_points'))}: {added} of {tracks} further tracks added"
+    text += ", aligned to the pictures" * is_refined
     return [("Points after densifying", text)]
 
 
@@ -258,7 +259,10 @@ def model(facts: Facts) -> str:
         ("Mapper", str(found.get("mapper"))),
         ("Registered", f"{found.get('registered')} of {found.get('total')}"),
         ("Points", _count(found.get("num_points"))),
-        *_dense(part(found, "dense")),
+        *_dense(
+            part(found, "dense"),
+            is_refined=bool(part(facts, "matches").get("is_further_refined")),
+        ),
         ("Mean reprojection error", _number(found.get("mean_reprojection_error"), 3, " px")),
         ("Mean track length", _number(found.get("mean_track_length"), 2, " images")),
         *([("Further models", ", ".join(items(found, "further")))] if found.get("further") else []),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _logger = logging.getLogger(__name__)
 
-TRIANGULATION = DensifyOptions(max_error=4.0, min_share=0.5)
+TRIANGULATION = DensifyOptions(max_error=4.0, min_share=0.5, min_angle=1.5)
 """Bounds as wide as the mapper's: poses are exact only after the adjustment that follows."""
 
 

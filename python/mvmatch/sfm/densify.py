@@ -33,8 +33,9 @@ class DensifyOptions:
     min_share: float = 0.8
     """Share of a track's observations that must belong to the point; fewer, and the track is taken
     for wrong (or on something that moves)."""
-    min_angle: float = 1.5
-    """Degrees; the widest angle between two rays of a point is at least this (COLMAP's bound)."""
+    min_angle: float = 1.0
+    """Degrees; the widest angle between two rays of a point is at least this. COLMAP's bound is
+    1.5: poses hang on its points, they do not on these, and what is far is there or not."""
     min_observations: int = 3
     """Observations of a point."""
     seed: int = 0
