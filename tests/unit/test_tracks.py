@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mvmatch.sources import open_video
 from mvmatch.testing.fields import field_from_rows
 from mvmatch.tracks import TrackOptions, build_tracks, chain_fields
 from mvmatch.types import Tracks
@@ -192,6 +193,30 @@ def test_filling_starts_no_track_where_no_usable_block_is():
     assert tracks.xy.max() < 32
 
 
+def test_further_tracks_have_bounds_of_their_own(data):
+    with open_video(data / "drive.ivf") as source:
+        fields = list(source)
+    own, further = [], []
+    for bound in (0.05, 0.16, None):
+        options = TrackOptions(fill=6, fill_error=bound, fill_drift=None)
+        tracks, others = chain_fields(fields, options=options)
+        own.append(tracks.num_observations)
+        further.append(others.num_observations)
+    assert own[0] == own[1] == own[2]
+    assert further[0] < further[1] < further[2]
+    ended = chain_fields(fields, options=TrackOptions(fill=6, fill_error=None, fill_drift=0.2))[1]
+    assert ended.lengths.mean() < others.lengths.mean()
+
+
+def test_bounds_of_further_tracks_do_not_judge_where_the_others_are_not_judged():
+    fields = translating(6, (1.5, 0.25))
+    plain = TrackOptions.preset("paper")
+    tracks = build_tracks(fields, options=plain)
+    filled, further = chain_fields(fields, options=replace(plain, fill=4))
+    np.testing.assert_array_equal(filled.xy, tracks.xy)
+    assert len(further)
+
+
 def test_the_cap_holds_in_every_frame_and_what_it_removes_still_fills():
     fields = translating(6, (1.5, 0.25))
     tracks, _ = chain_fields(fields, options=TrackOptions(max_keypoints_per_image=10))
@@ -205,7 +230,8 @@ def test_tracks_go_on_from_window_to_window():
     fields = translating(40, (0.0, 0.0))
     tracks = build_tracks(fields, options=TrackOptions(window=7, max_drift=None))
     assert tracks.lengths.tolist() == [40] * 32
-    further = chain_fields(fields, options=TrackOptions(window=7, max_drift=None, fill=4))[1]
+    still = TrackOptions(window=7, max_drift=None, fill=4, fill_drift=None)
+    further = chain_fields(fields, options=still)[1]
     assert further.lengths.tolist() == [40] * len(further) == [40] * 96
 
 

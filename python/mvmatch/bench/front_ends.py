@@ -21,7 +21,6 @@ from mvmatch.config import RunOptions
 from mvmatch.encode import EncodeOptions, encode_video
 from mvmatch.matching import bridge_match, match_video, refine_match
 from mvmatch.measure import StageClock
-from mvmatch.refine import RefineOptions
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
@@ -29,6 +28,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import pycolmap
+
+    from mvmatch.match import TrackGroup
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,8 @@ class Vectors:
 
     encode: EncodeOptions
     track: TrackOptions
-    refine: RefineOptions | None = None
+    refines: tuple[TrackGroup, ...] = ()
+    """Which tracks are aligned to the frames."""
     bridge: BridgeOptions = field(default_factory=BridgeOptions)
 
     def __call__(self, clip: Clip) -> FrontEndResult:
@@ -77,10 +79,10 @@ class Vectors:
         clock = StageClock()
         with clock.stage("match"):
             match = match_video(stream, options=self.track, read=ReadOptions(threads=1))
-        if self.refine is not None:
+        if self.refines:
             require_opencv().setNumThreads(1)
             with clock.stage("refine"):
-                match = refine_match(match, clip.images, options=self.refine)
+                match = refine_match(match, clip.images, groups=self.refines)
         with clock.stage("bridge"):
             match = bridge_match(match, clip.images, clip.camera, options=self.bridge)
         cost = {stage.name: stage.cpu_s for stage in clock.stages}
@@ -157,8 +159,10 @@ def sift_sequential(clip: Clip) -> FrontEndResult:
 
 
 def _preset(encode: EncodeOptions, name: str) -> Vectors:
+    """Return a preset as ``mvmatch run`` follows it with a camera."""
     options = RunOptions.preset(name)
-    return Vectors(encode=encode, track=options.track, bridge=options.bridge)
+    refines: tuple[TrackGroup, ...] = () if options.track.fill is None else ("further",)
+    return Vectors(encode=encode, track=options.track, refines=refines, bridge=options.bridge)
 
 
 ENCODERS = {
@@ -195,7 +199,7 @@ FRONT_ENDS: dict[str, FrontEnd] = {
         for encoder, options in ENCODERS.items()
         for name, changes in ABLATIONS.items()
     },
-    "svt-refined": Vectors(encode=ENCODERS["svt"], track=TrackOptions(), refine=RefineOptions()),
+    "svt-refined": Vectors(encode=ENCODERS["svt"], track=TrackOptions(), refines=("tracks",)),
     "klt": Tracker("klt"),
     "dis": Tracker("dis"),
     "sift": sift_sequential,
@@ -232,4 +236,4 @@ def sources_of(name: str) -> tuple[str, ...]:
     front_end = FRONT_ENDS[name]
     if not isinstance(front_end, Vectors):
         return SOURCES["baselines"]
-    return SOURCES["vectors"] + (SOURCES["refined"] if front_end.refine else ())
+    return SOURCES["vectors"] + (SOURCES["refined"] if front_end.refines else ())
