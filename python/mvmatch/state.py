@@ -65,12 +65,13 @@ class State:
     def refines(self) -> tuple[TrackGroup, ...]:
         """Which tracks are to be aligned to the pictures; by itself where it pays and can be done.
 
-        It pays where nobody knows the camera, and for tracks that only make the model denser.
+        It pays where nobody knows the camera, and for tracks that only make the model denser, if
+        there can be one: a camera at rest has none.
         """
         when, match = self.options.refine.when, self.match
         wanted: tuple[tuple[TrackGroup, bool], ...] = (
             ("tracks", when == "always" or self.choice.is_prior),
-            ("further", len(match.further) > 0),
+            ("further", len(match.further) > 0 and not match.footage.stands_still),
         )
         is_fit = match.damage is None and not match.skipped
         is_fit &= max(match.info.width, match.info.height) >= self.options.refine.min_size

@@ -70,6 +70,9 @@ def test_tracks_that_only_make_the_model_denser_are_aligned_whoever_knows_the_ca
     assert state(drive, dense, camera=given).refines == ("further",)
     assert state(drive, dense, camera=given, options=always).refines == ("tracks", "further")
     assert not state(drive, dense, options=never).refines
+    at_rest = dataclasses.replace(dense.footage, still_area_share=0.8)
+    resting = dataclasses.replace(dense, footage=at_rest)
+    assert not state(drive, resting, camera=given).refines
 
 
 def test_nothing_is_asked_of_pictures_that_cannot_be_had(
