@@ -25,6 +25,7 @@ from mvmatch.cli import main
 from mvmatch.config import RunOptions, from_mapping
 from mvmatch.errors import DataError
 from mvmatch.pipeline import STAGES, Run, reconstruct_video
+from mvmatch.refine import RefineOptions
 from mvmatch.sfm import write_model
 from mvmatch.stages import Stage
 from mvmatch.tracks import TrackOptions
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 CAMERA = "PINHOLE,260.48,260.48,176,100"
 """Of drive.ivf."""
-DENSE = RunOptions(track=TrackOptions.preset("dense"))
+DENSE = RunOptions(track=TrackOptions.preset("dense"), refine=RefineOptions(when="never"))
 TAKING_PART = ["encode", "match", "movers", "database", "masks", "map", "densify"]
 """Stages of :func:`full_run`."""
 

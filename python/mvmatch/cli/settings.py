@@ -105,7 +105,7 @@ Refine = Annotated[
     bool | None,
     Parameter(
         help="Align tracks to the pictures: exacter and slower; needs OpenCV. Without either, "
-        "`mvmatch run` does so where the camera is unknown."
+        "`mvmatch run` does so where the camera is unknown, and for what only makes a model denser."
     ),
 ]
 

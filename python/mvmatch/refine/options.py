@@ -12,8 +12,9 @@ class RefineOptions:
 
     when: Literal["auto", "always", "never"] = "auto"
     """Pictures are decoded, which costs more than reading their vectors. ``auto`` does so where no
-    camera was given: the focal length asks for exacter tracks than poses do
-    (docs/decisions/0018-pictures-for-an-unknown-camera.md)."""
+    camera was given, since the focal length asks for exacter tracks than poses do
+    (docs/decisions/0018-pictures-for-an-unknown-camera.md), and for tracks that only make a model
+    denser (docs/decisions/0019-dense-points-look-at-the-pictures.md)."""
     min_size: int = 240
     """px, longer side; smaller pictures are not aligned by themselves (``auto``): to their points a
     window is wide. Measured: at 240 px focal lengths and paths gain, at 208 px models were lost."""
