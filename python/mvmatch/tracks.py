@@ -67,8 +67,8 @@ class TrackOptions:
     (:func:`mvmatch.sfm.densify`). None: there are none."""
     fill_error: float | None = 0.5
     """px at rest; ``max_error`` of further tracks. Poses are known when they are triangulated, and
-    tell what is wrong: measured, a third of the surface is nearer to points of worse vectors than
-    to those of good ones, and these are no less exact."""
+    tell what is wrong. Measured: looser bounds cover up to four times as well
+    (docs/decisions/0019-dense-points-look-at-the-pictures.md)."""
     fill_drift: float | None = 1.0
     """px at rest; their ``max_drift``."""
     max_gap: int | None = 10
