@@ -13,7 +13,9 @@ from mvmatch.cli import main
 from mvmatch.config import RunOptions, from_mapping
 from mvmatch.errors import DataError
 from mvmatch.matching import match_video
+from mvmatch.outputs import dense_warnings
 from mvmatch.pipeline import reconstruct_video
+from mvmatch.refine import RefineOptions
 from mvmatch.sources.options import Skipped
 from mvmatch.state import State
 from mvmatch.tracks import TrackOptions
@@ -73,6 +75,20 @@ def test_tracks_that_only_make_the_model_denser_are_aligned_whoever_knows_the_ca
     at_rest = dataclasses.replace(dense.footage, still_area_share=0.8)
     resting = dataclasses.replace(dense, footage=at_rest)
     assert not state(drive, resting, camera=given).refines
+
+
+def test_without_opencv_it_is_said_that_dense_points_would_be_exacter(
+    data: Path, match: Match, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dense = match_video(data / "drive.ivf", options=TrackOptions.preset("dense"))
+    aligned = dataclasses.replace(dense, is_further_refined=True)
+    for is_there in (True, False):
+        monkeypatch.setattr("mvmatch.outputs.has_opencv", lambda is_there=is_there: is_there)
+        told = [*dense_warnings(dense, RefineOptions())]
+        assert ["mvmatch[refine]" in warning for warning in told] == [True] * (not is_there)
+        assert not dense_warnings(dense, RefineOptions(when="never"))
+        assert not dense_warnings(aligned, RefineOptions())
+        assert not dense_warnings(match, RefineOptions())
 
 
 def test_nothing_is_asked_of_pictures_that_cannot_be_had(
