@@ -49,7 +49,7 @@ class Match:
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
     is_refined: bool = False
-    """Whether ``tracks`` are aligned to the pictures (:func:`mvmatch.pipeline.refine_match`)."""
+    """Whether ``tracks`` are aligned to the pictures (:func:`mvmatch.matching.refine_match`)."""
     is_further_refined: bool = False
     """Whether ``further`` are."""
     unrefined: str | None = None
