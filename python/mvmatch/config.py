@@ -11,6 +11,7 @@ import tomllib
 import types
 import typing
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from mvmatch.bridge import BridgeOptions, LoopOptions
@@ -26,7 +27,8 @@ from mvmatch.tracks import TrackOptions
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
+
+    from mvmatch.types import StrPath
 
 OFF = "off"
 Options = TypeVar("Options")
@@ -77,7 +79,7 @@ class RunOptions:
         return cls(track=track, bridge=without, refine=RefineOptions(when="never"))
 
 
-def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:
+def load_options(path: StrPath, base: RunOptions | None = None) -> RunOptions:
     """Read a TOML file over ``base``.
 
     Raises
@@ -85,6 +87,7 @@ def load_options(path: Path, base: RunOptions | None = None) -> RunOptions:
     DataError
         It is not TOML, names an unknown option, or a value has another type.
     """
+    path = Path(path)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

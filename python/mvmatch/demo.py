@@ -6,6 +6,7 @@ import dataclasses
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +20,10 @@ from mvmatch.report import write_report
 from mvmatch.testing import SyntheticScene, synthetic_drive
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from mvmatch.match import Progress
+    from mvmatch.types import StrPath
 
 IMAGES = "images"
 """Folder of the rendered frames."""
@@ -43,7 +43,7 @@ class Demo:
 
 
 def run_demo(
-    out: Path,
+    out: StrPath,
     *,
     num_frames: int = 40,
     size: tuple[int, int] = (640, 360),
@@ -54,7 +54,7 @@ def run_demo(
 
     Parameters
     ----------
-    out : Path
+    out : path
         Folder for the frames, the truth and everything :func:`reconstruct_video` makes.
     num_frames : int
         Frames to render.
@@ -70,6 +70,7 @@ def run_demo(
     DataError
         ``out`` holds images that are not the demo's, or cannot be written.
     """
+    out = Path(out)
     scene = synthetic_drive(num_frames, size)
     options = options or RunOptions()
     encode = dataclasses.replace(options.encode, frame_rate=FRAME_RATE)

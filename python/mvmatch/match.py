@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from mvmatch.types import Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from mvmatch.errors import MvmatchError
     from mvmatch.footage import Footage
@@ -26,6 +27,13 @@ class Progress(Protocol):
     def __call__(self, stage: str, done: int, total: int | None) -> None:
         """Take note."""
         ...
+
+
+def stage_progress(
+    progress: Progress | None, stage: str
+) -> Callable[[int, int | None], None] | None:
+    """Return the progress of one stage."""
+    return None if progress is None else functools.partial(progress, stage)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +57,7 @@ class Match:
     skipped: tuple[Skipped, ...] = ()
     """What could not be read of a stream that was read on after damage."""
     is_refined: bool = False
-    """Whether ``tracks`` are aligned to the pictures (:func:`mvmatch.matching.refine_match`)."""
+    """Whether ``tracks`` are aligned to the pictures (:func:`mvmatch.pictures.refine_match`)."""
     is_further_refined: bool = False
     """Whether ``further`` are."""
     unrefined: str | None = None

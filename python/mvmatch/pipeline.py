@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from mvmatch.export.colmap import DatabaseSummary
     from mvmatch.match import Match, Progress
     from mvmatch.sfm import DensifySummary, Diagnosis, ReconstructionResult
+    from mvmatch.types import StrPath
     from mvmatch.work import Product, Work
 
 STAGES = (
@@ -171,10 +173,10 @@ class Run:
 
 
 def reconstruct_video(  # noqa: PLR0913
-    source: Path,
-    out: Path,
+    source: StrPath,
+    out: StrPath,
     *,
-    camera: str | None = None,
+    camera: StrPath | None = None,
     options: RunOptions | None = None,
     reencode: bool = False,
     masks: bool = False,
@@ -186,13 +188,13 @@ def reconstruct_video(  # noqa: PLR0913
 
     Parameters
     ----------
-    source : Path
+    source : path
         An AV1 video, any other video FFmpeg decodes, or a folder of at least two images.
-    out : Path
+    out : path
         Folder for the results, which appear when all are complete, in the place of older ones.
         Stages that an earlier run into it has finished, interrupted or not, are not repeated while
         the input and the options they depend on stay the same (kept in ``out/.work``).
-    camera : str, optional
+    camera : str or path, optional
         See :func:`mvmatch.camera.parse_camera`; a prior without.
     options : RunOptions, optional
         Options of all stages.
@@ -220,8 +222,8 @@ def reconstruct_video(  # noqa: PLR0913
     MvmatchError
         As :func:`match_video`; also an encoder that is missing, and ``out`` that cannot be written.
     """
-    options = options or RunOptions()
     source, out = Path(source), Path(out)
+    options = options or RunOptions()
     if options.refine.when == "always":
         require_opencv("refinement", extra="refine")  # now rather than after the encoding
     require_matcher(options.loops.matcher)
@@ -232,7 +234,7 @@ def reconstruct_video(  # noqa: PLR0913
     state = State(
         source=source,
         options=options,
-        camera=camera,
+        camera=None if camera is None else os.fspath(camera),
         has_to_encode=_has_to_encode(source, options, reencode=reencode),
         masks=masks,
         undistort=undistort,

@@ -22,7 +22,9 @@ from mvmatch.export.colmap import write_database
 from mvmatch.export.masks import write_masks
 from mvmatch.export.undistorted import write_undistorted
 from mvmatch.geometry.movers import track_weights
-from mvmatch.matching import bridge_match, loop_match, match_video, refine_match, stage_progress
+from mvmatch.match import stage_progress
+from mvmatch.matching import match_video
+from mvmatch.pictures import bridge_match, loop_match, refine_match
 from mvmatch.sfm import (
     DensifySummary,
     ReconstructionResult,

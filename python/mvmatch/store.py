@@ -17,6 +17,7 @@ from array import array
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from dataclasses import fields as fields_of
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,13 +29,13 @@ from mvmatch.types import MotionField, Tracks, VideoInfo
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
     from types import TracebackType
 
     import pyarrow as pa
     from numpy.typing import NDArray
 
     from mvmatch.sources.options import Skipped
+    from mvmatch.types import StrPath
 
 SCHEMA_VERSION = 2
 """Raised when a column changes its meaning."""
@@ -64,7 +65,7 @@ class TracksTable:
 
 def write_motion(
     fields: Iterable[MotionField],
-    path: Path,
+    path: StrPath,
     *,
     info: VideoInfo,
     frames: Callable[[], Sequence[FrameFacts]],
@@ -75,7 +76,7 @@ def write_motion(
     ----------
     fields : iterable of MotionField
         In decode order; read once, never held.
-    path : Path
+    path : path
         The Parquet file to write.
     info : VideoInfo
         Facts of the video.
@@ -87,6 +88,7 @@ def write_motion(
     int
         Rows written.
     """
+    path = Path(path)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -172,18 +174,19 @@ class StoredMotion:
             yield MotionField(**header, **_motion_arrays(own))
 
 
-def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) -> None:
+def write_tracks(table: TracksTable, path: StrPath, *, options: Mapping[str, Any]) -> None:
     """Write tracks: one row per observation, ordered by track and frame.
 
     Parameters
     ----------
     table : TracksTable
         Tracks with their video.
-    path : Path
+    path : path
         The Parquet file to write.
     options : mapping
         The options that made the tracks, kept in the metadata.
     """
+    path = Path(path)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -205,7 +208,7 @@ def write_tracks(table: TracksTable, path: Path, *, options: Mapping[str, Any]) 
             first += len(part)
 
 
-def read_tracks(path: Path) -> TracksTable:
+def read_tracks(path: StrPath) -> TracksTable:
     """Read what :func:`write_tracks` wrote.
 
     Raises
@@ -215,6 +218,7 @@ def read_tracks(path: Path) -> TracksTable:
     DataError
         It is not a track table of this version.
     """
+    path = Path(path)
     file, extra = _open("tracks", path)
     num_tracks = num_rows = 0
     with file, columns(np.int64, np.int32, np.float32) as (offsets, frames, points):

@@ -10,13 +10,18 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from os import PathLike
 
     import numpy as np
     from numpy.typing import NDArray
+
+
+StrPath: TypeAlias = "str | PathLike[str]"
+"""A file or folder, as every public function takes it."""
 
 
 class MotionFlags(enum.IntFlag):

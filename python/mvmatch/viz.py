@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import ArrayLike, NDArray
 
-    from mvmatch.types import MotionField, Tracks
+    from mvmatch.types import MotionField, StrPath, Tracks
 
 _DPI = 100
 
 
-def draw_motion(motion_field: MotionField, path: Path, *, picture: ArrayLike | None = None) -> Path:
+def draw_motion(
+    motion_field: MotionField, path: StrPath, *, picture: ArrayLike | None = None
+) -> Path:
     """Draw the vectors of one frame as arrows from block centres.
 
     Parameters
     ----------
     motion_field : MotionField
         Vectors of one frame, px. Arrows point to where the content lies in the reference.
-    path : Path
+    path : path
         File to write; the ending chooses PNG, SVG or PDF.
     picture : (H, W) or (H, W, 3) array, optional
         The frame itself, 0 to 255, drawn below.
@@ -33,6 +34,7 @@ def draw_motion(motion_field: MotionField, path: Path, *, picture: ArrayLike | N
     Path
         ``path``.
     """
+    path = Path(path)
     figure, axes = _canvas(motion_field.width, motion_field.height, picture)
     center = motion_field.centers
     length = np.linalg.norm(motion_field.mv, axis=1)
@@ -46,7 +48,7 @@ def draw_motion(motion_field: MotionField, path: Path, *, picture: ArrayLike | N
 def draw_tracks(
     tracks: Tracks,
     frame: int,
-    path: Path,
+    path: StrPath,
     *,
     size: tuple[int, int],
     picture: ArrayLike | None = None,
@@ -60,7 +62,7 @@ def draw_tracks(
         Points in px.
     frame : int
         Display index of the frame to show.
-    path : Path
+    path : path
         File to write; the ending chooses PNG, SVG or PDF.
     size : (int, int)
         Width and height of the frame in px.
@@ -74,6 +76,7 @@ def draw_tracks(
     Path
         ``path``.
     """
+    path = Path(path)
     figure, axes = _canvas(*size, picture)
     lines, lengths = track_tails(tracks, frame, tail=tail)
     if lines:

@@ -136,7 +136,7 @@ def test_pictures_that_do_not_fit_leave_the_tracks_as_they_are(
     def other(*_: Any, **__: Any) -> Any:
         yield np.zeros((10, 20), np.uint8)
 
-    monkeypatch.setattr("mvmatch.matching.gray_pictures", other)
+    monkeypatch.setattr("mvmatch.pictures.gray_pictures", other)
     asked = state(data / "drive.ivf", match)
     stages.load_refined(asked, tmp_path, stages.refine(asked, tmp_path))
     np.testing.assert_array_equal(asked.match.tracks.xy, match.tracks.xy)

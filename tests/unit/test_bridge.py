@@ -20,8 +20,8 @@ from mvmatch.encode.frames import open_frames
 from mvmatch.errors import UnsupportedError
 from mvmatch.footage import Footage
 from mvmatch.match import Match
-from mvmatch.matching import bridge_match
 from mvmatch.overlays import Overlays
+from mvmatch.pictures import bridge_match
 from mvmatch.sources import ReferenceStructure
 from mvmatch.types import Tracks, VideoInfo
 

@@ -13,7 +13,8 @@ import pytest
 
 from mvmatch.cli import main
 from mvmatch.errors import DataError, MissingExtraError
-from mvmatch.matching import match_video, refine_match
+from mvmatch.matching import match_video
+from mvmatch.pictures import refine_match
 from mvmatch.refine import RefineOptions, gray_pictures, refine_groups, refine_tracks
 from mvmatch.sources import Skipped
 from mvmatch.store import read_tracks

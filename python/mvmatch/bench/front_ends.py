@@ -19,8 +19,9 @@ from mvmatch.bridge import BridgeOptions
 from mvmatch.colmap_log import quiet_colmap
 from mvmatch.config import RunOptions
 from mvmatch.encode import EncodeOptions, encode_video
-from mvmatch.matching import bridge_match, match_video, refine_match
+from mvmatch.matching import match_video
 from mvmatch.measure import StageClock
+from mvmatch.pictures import bridge_match, refine_match
 from mvmatch.sources import ReadOptions
 from mvmatch.tracks import TrackOptions
 
@@ -219,7 +220,9 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "filters",
         "footage",
         "overlays",
+        "match",
         "matching",
+        "pictures",
         "rows",
         "shots",
         "sources",

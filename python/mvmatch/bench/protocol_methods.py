@@ -32,8 +32,9 @@ from mvmatch.learned import (
     read_rgb,
     require_torch,
 )
-from mvmatch.matching import bridge_match, match_video, open_source
+from mvmatch.matching import match_video, open_source
 from mvmatch.measure import StageClock
+from mvmatch.pictures import bridge_match
 from mvmatch.sources import ReadOptions, ReferenceStructure
 from mvmatch.tracks import chain_fields
 

@@ -241,8 +241,9 @@ _RUN = (
 )  # fmt: skip
 _OF_VECTORS = (
     "_core", "bridge", "batches", "cells", "confidence", "config.py", "correspondences", "encode",
-    "error_model", "filters", "footage", "matching", "outputs", "overlays", "pairing", "pipeline",
-    "products", "refine", "report", "shots", "sources", "stages", "store", "tracks", "work",
+    "error_model", "filters", "footage", "match.py", "matching", "outputs", "overlays", "pairing",
+    "pictures", "pipeline", "products", "refine", "report", "shots", "sources", "stages", "state",
+    "store", "tracks", "work",
 )  # fmt: skip
 _OF_SIFT = ("baselines", "bench/sfm_methods.py", "camera", "geometry/two_view.py", "sfm/options.py")
 

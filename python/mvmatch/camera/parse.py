@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from mvmatch.errors import DataError
 
 if TYPE_CHECKING:
     from mvmatch.camera.metadata import RecordedFocal
+    from mvmatch.types import StrPath
 
 PRIOR_FOCAL_FACTOR = 1.2
 """Prior focal length over the longer image side (COLMAP's default, 45 degrees field of view)."""
@@ -32,13 +34,13 @@ _VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm"})
 
 
 def parse_camera(
-    text: str | None, width: int, height: int, *, pictures: Path | None = None
+    text: StrPath | None, width: int, height: int, *, pictures: StrPath | None = None
 ) -> CameraChoice:
     """Turn the value of ``--camera`` into a camera of the video's size.
 
     Parameters
     ----------
-    text : str or None
+    text : str, path or None
         A COLMAP camera string (``"PINHOLE,fx,fy,cx,cy"``, ``"PINHOLE 1241 376 fx fy cx cy"``), the
         path of a COLMAP camera file, of a KITTI calibration, of a calibration by OpenCV
         (``cv2.FileStorage``), ROS (``camera_info``) or Kalibr, or of a ``transforms.json`` of
@@ -47,7 +49,7 @@ def parse_camera(
         None gives a prior: what ``pictures`` recorded, else ``1.2 * max(width, height)``.
     width, height : int
         Size of the video in px, as it is stored.
-    pictures : Path, optional
+    pictures : path, optional
         The video or the folder of images itself: where to look for a focal length if ``text`` is
         None, and for the rotation with which a video is shown if a calibration is upright.
 
@@ -63,6 +65,8 @@ def parse_camera(
         The text is none of these, describes images of another shape, or a camera that no COLMAP
         model describes.
     """
+    text = None if text is None else os.fspath(text)
+    pictures = None if pictures is None else Path(pictures)
     if width <= 0 or height <= 0:
         raise ValueError(f"image size must be positive, got {width}x{height}")
     if text is None or not text.strip():

@@ -171,7 +171,8 @@ def track(
     table
         The Parquet file to write.
     """
-    from mvmatch.matching import match_video, refine_match
+    from mvmatch.matching import match_video
+    from mvmatch.pictures import refine_match
     from mvmatch.state import frame_names
     from mvmatch.store import TracksTable, write_tracks
 

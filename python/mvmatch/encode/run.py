@@ -24,14 +24,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
 
     from mvmatch.encode.frames import FrameSource
+    from mvmatch.types import StrPath
 
 OUTPUT_SUFFIXES = (".ivf", ".mkv", ".mp4", ".webm")
 """Containers that can be written, by file name ending."""
 
 
 def encode_video(
-    source: Path,
-    out: Path,
+    source: StrPath,
+    out: StrPath,
     *,
     options: EncodeOptions | None = None,
     progress: Callable[[int, int | None], None] | None = None,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +20,13 @@ from mvmatch.export.verification import VerificationOptions, verify_pairs, verif
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Generator, Iterator, Sequence
-    from pathlib import Path
 
     import pycolmap
     from numpy.typing import NDArray
 
     from mvmatch.export.verification import VerifiedPair
     from mvmatch.geometry.two_view import PairGeometry
-    from mvmatch.types import Tracks, TwoViewScore
+    from mvmatch.types import StrPath, Tracks, TwoViewScore
 
 _NO_SPACE = "Is the disk full? Make room, or choose another place"
 
@@ -55,7 +55,7 @@ class DatabaseSummary:
 
 def write_database(
     tracks: Tracks,
-    path: Path,
+    path: StrPath,
     *,
     camera: pycolmap.Camera,
     image_names: Sequence[str],
@@ -70,7 +70,7 @@ def write_database(
     ----------
     tracks : Tracks
         Observations in px, COLMAP origin.
-    path : Path
+    path : path
         The database; it appears under this name only when complete. An older one is replaced.
     camera : pycolmap.Camera
         The one camera of the video.
@@ -96,6 +96,7 @@ def write_database(
     DataError
         A track refers to a frame without a name, names repeat, or the path cannot be written.
     """
+    path = Path(path)
     parts = [tracks] if further is None else [tracks, further]
     _check(parts, image_names)
     options = verification or VerificationOptions()

@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 
     import pycolmap
 
+    from mvmatch.types import StrPath
 
-def color_points(model: pycolmap.Reconstruction, images: Path) -> int:
+
+def color_points(model: pycolmap.Reconstruction, images: StrPath) -> int:
     """Give every point of a model its colour.
 
     From a folder a point takes the mean colour of all images that see it, as ``colmap
@@ -40,7 +42,7 @@ def color_points(model: pycolmap.Reconstruction, images: Path) -> int:
     ----------
     model : pycolmap.Reconstruction
         Its points get ``color``: (3,) uint8, red green blue; black where no picture was there.
-    images : Path
+    images : path
         Folder that the image names are relative to, or the video whose frame numbers the image
         names carry.
 
@@ -54,6 +56,7 @@ def color_points(model: pycolmap.Reconstruction, images: Path) -> int:
     DataError
         No picture is there, they cannot be read, or have not the size of the model's cameras.
     """
+    images = Path(images)
     blacken(model)
     with quiet_colmap():
         return _from_folder(model, images) if images.is_dir() else _from_video(model, images)

@@ -9,6 +9,7 @@ COLMAP, so 0.5 is taken away here.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +18,11 @@ from mvmatch.errors import DataError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
     from types import ModuleType
 
     from numpy.typing import NDArray
 
-    from mvmatch.types import Tracks
+    from mvmatch.types import StrPath, Tracks
 
 HLOC_FROM_COLMAP = -0.5
 """px, added to both coordinates."""
@@ -30,7 +30,7 @@ HLOC_FROM_COLMAP = -0.5
 
 def write_hloc(
     tracks: Tracks,
-    folder: Path,
+    folder: StrPath,
     *,
     image_names: Sequence[str],
     max_gap: int | None = 10,
@@ -45,7 +45,7 @@ def write_hloc(
     ----------
     tracks : Tracks
         Observations in px, COLMAP origin.
-    folder : Path
+    folder : path
         Existing folder; each file appears under its name only when complete.
     image_names : sequence of str
         File name of every frame, index = frame number.
@@ -63,6 +63,7 @@ def write_hloc(
     DataError
         A track refers to a frame without a name, or the folder cannot be written.
     """
+    folder = Path(folder)
     last = int(tracks.frame.max()) if len(tracks.frame) else -1
     if last >= len(image_names):
         raise DataError(f"tracks reach frame {last} but there are {len(image_names)} image names")

@@ -8,6 +8,7 @@ COLMAP reads the mask of the image ``NAME`` from ``NAME.png`` in its ``mask_path
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +18,11 @@ from mvmatch.errors import DataError, cannot_write
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from mvmatch.overlays import Overlays
-    from mvmatch.types import Tracks
+    from mvmatch.types import StrPath, Tracks
 
 GROWTH = 2
 """Cells of 8 px that an object reaches beyond its tracks, where no track at rest is nearer: a point
@@ -32,7 +32,7 @@ of a track stands for a block, and flat parts of an object have none."""
 def write_masks(
     tracks: Tracks,
     moving: NDArray[np.bool_],
-    folder: Path,
+    folder: StrPath,
     *,
     size: tuple[int, int],
     image_names: Sequence[str],
@@ -46,7 +46,7 @@ def write_masks(
         All tracks, those at rest included.
     moving : (T,) bool
         Tracks on moving objects.
-    folder : Path
+    folder : path
         Made if missing; ``image_names[k] + ".png"`` appears in it for every frame ``k``.
     size : tuple of int
         Width and height of the images in px.
@@ -65,6 +65,7 @@ def write_masks(
     DataError
         The folder cannot be written.
     """
+    folder = Path(folder)
     paths = [folder / mask_name(name) for name in image_names]
     try:
         for frame, path in enumerate(paths):

@@ -20,6 +20,8 @@ from mvmatch.export.files import make_folder
 if TYPE_CHECKING:
     import pycolmap
 
+    from mvmatch.types import StrPath
+
 _FILES = ("cameras", "images", "points3D")
 """Every model has them; ``rigs`` and ``frames`` came with COLMAP 3.12."""
 
@@ -45,12 +47,12 @@ _LAYOUTS = {
 }
 
 
-def read_model(folder: Path) -> pycolmap.Reconstruction:
+def read_model(folder: StrPath) -> pycolmap.Reconstruction:
     """Read a COLMAP model, binary if it is there, else text.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
         Holds ``cameras``, ``images`` and ``points3D`` as ``.bin`` or ``.txt``.
 
     Returns
@@ -63,6 +65,7 @@ def read_model(folder: Path) -> pycolmap.Reconstruction:
     DataError
         The folder holds no model, its files are damaged, or no image has a pose.
     """
+    folder = Path(folder)
     import pycolmap
 
     suffix = _model_suffix(folder)
@@ -124,14 +127,14 @@ def images_by_frame(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Image]
     return dict(sorted(found.items()))
 
 
-def write_binary(model: pycolmap.Reconstruction, folder: Path) -> None:
+def write_binary(model: pycolmap.Reconstruction, folder: StrPath) -> None:
     """Write ``cameras``, ``rigs``, ``frames``, ``images`` and ``points3D`` as ``.bin``.
 
     Parameters
     ----------
     model : pycolmap.Reconstruction
         Any model.
-    folder : Path
+    folder : path
         Made if missing; the files appear in it when all are complete, older ones are replaced.
 
     Raises
@@ -139,17 +142,18 @@ def write_binary(model: pycolmap.Reconstruction, folder: Path) -> None:
     DataError
         The folder cannot be written.
     """
+    folder = Path(folder)
     _write(model, folder, text=False)
 
 
-def write_text(model: pycolmap.Reconstruction, folder: Path) -> None:
+def write_text(model: pycolmap.Reconstruction, folder: StrPath) -> None:
     """Write ``cameras``, ``rigs``, ``frames``, ``images`` and ``points3D`` as ``.txt``.
 
     Parameters
     ----------
     model : pycolmap.Reconstruction
         Any model.
-    folder : Path
+    folder : path
         Made if missing; the files appear in it when all are complete, older ones are replaced.
 
     Raises
@@ -157,6 +161,7 @@ def write_text(model: pycolmap.Reconstruction, folder: Path) -> None:
     DataError
         The folder cannot be written, or holds a binary model: COLMAP would read that one.
     """
+    folder = Path(folder)
     if any((folder / f"{name}.bin").exists() for name in _FILES):
         raise DataError(
             f"{folder} holds a binary model, which COLMAP reads in the place of text. "

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
     import pycolmap
 
+    from mvmatch.types import StrPath
+
 IMAGES = "images"
 """Folder of the images beside ``transforms.json``, where no other is given."""
 
@@ -48,10 +50,10 @@ _OPENGL_FROM_COLMAP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def write_nerfstudio(
     model: pycolmap.Reconstruction,
-    folder: Path,
+    folder: StrPath,
     *,
-    images: Path | None = None,
-    masks: Path | None = None,
+    images: StrPath | None = None,
+    masks: StrPath | None = None,
 ) -> Path:
     """Write ``transforms.json`` and, where the model has points, ``sparse_pc.ply``.
 
@@ -59,12 +61,12 @@ def write_nerfstudio(
     ----------
     model : pycolmap.Reconstruction
         Images without a pose are left out; the others are sorted by name.
-    folder : Path
+    folder : path
         Made if missing. ``transforms.json`` appears last.
-    images : Path, optional
+    images : path, optional
         Folder of the images; their paths are written relative to ``folder``. Without it they are
         expected in ``folder/images``.
-    masks : Path, optional
+    masks : path, optional
         Folder of masks as COLMAP names them, ``NAME.png`` for the image ``NAME``; their paths are
         written as ``mask_path``. nerfstudio too leaves out what is black in them.
 
@@ -79,6 +81,9 @@ def write_nerfstudio(
         nerfstudio has no such camera model, the folder cannot be written, an image has no mask
         (nerfstudio takes masks for all or none), or masks have not the size of the images.
     """
+    folder = Path(folder)
+    images = None if images is None else Path(images)
+    masks = None if masks is None else Path(masks)
     content = _intrinsics(model)
     shared = "fl_x" in content
     place = Path(IMAGES) if images is None else Path(os.path.relpath(images, folder))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
 
+    from mvmatch.types import StrPath
+
 
 def model_pictures(
     model: pycolmap.Reconstruction, source: Path
@@ -95,16 +97,16 @@ def _read(path: Path, *, as_rgb: bool) -> pycolmap.Bitmap:
     return picture
 
 
-def write_frames(model: pycolmap.Reconstruction, video: Path, folder: Path) -> int:
+def write_frames(model: pycolmap.Reconstruction, video: StrPath, folder: StrPath) -> int:
     """Write the frames of a video that have a pose as images, under their names in the model.
 
     Parameters
     ----------
     model : pycolmap.Reconstruction
         Its image names carry frame numbers; their endings choose the format.
-    video : Path
+    video : path
         Any video FFmpeg decodes.
-    folder : Path
+    folder : path
         Made if missing.
 
     Returns
@@ -118,6 +120,8 @@ def write_frames(model: pycolmap.Reconstruction, video: Path, folder: Path) -> i
         The video is not that of the model, a name leads out of the folder or has no ending of an
         image, or the folder cannot be written.
     """
+    video = Path(video)
+    folder = Path(folder)
     written = 0
     for image, picture in model_pictures(model, video):
         write_picture(picture, folder / safe_name(image.name))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +14,9 @@ from mvmatch.errors import DataError
 from mvmatch.export.files import write_file
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import pycolmap
+
+    from mvmatch.types import StrPath
 
 _PROPERTIES = (
     ("x", "float", "<f4"),
@@ -31,7 +32,7 @@ _PROPERTIES = (
 types but float, double and uchar; a float holds whole numbers up to 2^24."""
 
 
-def write_ply(model: pycolmap.Reconstruction, path: Path) -> None:
+def write_ply(model: pycolmap.Reconstruction, path: StrPath) -> None:
     """Write position, colour, error and track length of every point as binary PLY.
 
     Vertices are in the order of the point ids. ``error`` is the mean reprojection error in px, -1
@@ -41,7 +42,7 @@ def write_ply(model: pycolmap.Reconstruction, path: Path) -> None:
     ----------
     model : pycolmap.Reconstruction
         With at least one point; positions in its units.
-    path : Path
+    path : path
         The file.
 
     Raises
@@ -49,6 +50,7 @@ def write_ply(model: pycolmap.Reconstruction, path: Path) -> None:
     DataError
         There is no point, or the file cannot be written.
     """
+    path = Path(path)
     points: Any = model.points3D
     if not points:
         raise DataError("the model has no points. Reconstruct anew, or export only its poses")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,15 +14,13 @@ from mvmatch.errors import DataError
 from mvmatch.geometry.two_view import RansacOptions, fit_pair
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
-    from mvmatch.types import TwoViewScore
+    from mvmatch.types import StrPath, TwoViewScore
 
 
 def score_database(
-    path: Path,
+    path: StrPath,
     *,
     options: RansacOptions | None = None,
     max_gap: int | None = None,
@@ -33,7 +32,7 @@ def score_database(
 
     Parameters
     ----------
-    path : Path
+    path : path
         A database with cameras, keypoints and matches.
     options : RansacOptions
         Settings of LO-RANSAC.
@@ -50,6 +49,7 @@ def score_database(
     DataError
         The file is not a COLMAP database.
     """
+    path = Path(path)
     import pycolmap
 
     check_is_database(path)

@@ -9,6 +9,7 @@ Both hold poses camera-to-world in the units and axes of the model (x right, y d
 from __future__ import annotations
 
 from io import StringIO
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,17 +19,17 @@ from mvmatch.export.files import write_file
 from mvmatch.export.model import images_by_frame
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import pycolmap
     from numpy.typing import ArrayLike, NDArray
+
+    from mvmatch.types import StrPath
 
 _MAX_NAMED = 8
 """Missing frames that an error names one by one."""
 
 
 def write_tum(
-    model: pycolmap.Reconstruction, path: Path, *, times: ArrayLike | None = None
+    model: pycolmap.Reconstruction, path: StrPath, *, times: ArrayLike | None = None
 ) -> None:
     """Write one line ``timestamp tx ty tz qx qy qz qw`` per image that has a pose.
 
@@ -36,7 +37,7 @@ def write_tum(
     ----------
     model : pycolmap.Reconstruction
         Its image names carry frame numbers.
-    path : Path
+    path : path
         The text file.
     times : (F,) float, optional
         Time of every frame of the video in s, index = frame number. Without it the frame number
@@ -48,6 +49,7 @@ def write_tum(
         Names without frame numbers, times that do not increase or do not reach the last frame, or
         the file cannot be written.
     """
+    path = Path(path)
     images = images_by_frame(model)
     frames = np.array(list(images), np.int64)
     stamps = frames.astype(np.float64)
@@ -69,7 +71,7 @@ def write_tum(
     write_file(path, _text(rows, "%.9f" + 7 * " %.17g"))
 
 
-def write_kitti(model: pycolmap.Reconstruction, path: Path) -> range:
+def write_kitti(model: pycolmap.Reconstruction, path: StrPath) -> range:
     """Write the 3x4 matrix camera-to-world of every frame, row by row, one line per frame.
 
     The format has no frame numbers: line k is the k-th frame from the first that has a pose.
@@ -78,7 +80,7 @@ def write_kitti(model: pycolmap.Reconstruction, path: Path) -> range:
     ----------
     model : pycolmap.Reconstruction
         Its image names carry frame numbers, and no frame between the first and the last is missing.
-    path : Path
+    path : path
         The text file.
 
     Returns
@@ -91,6 +93,7 @@ def write_kitti(model: pycolmap.Reconstruction, path: Path) -> range:
     DataError
         Frames without a pose, names without frame numbers, or the file cannot be written.
     """
+    path = Path(path)
     images = images_by_frame(model)
     frames = range(min(images), max(images) + 1)
     missing = len(frames) - len(images)
@@ -107,12 +110,12 @@ def write_kitti(model: pycolmap.Reconstruction, path: Path) -> range:
     return frames
 
 
-def frame_times(source: Path) -> NDArray[np.float64]:
+def frame_times(source: StrPath) -> NDArray[np.float64]:
     """Read the times of the frames of a video, from its container or from a text file.
 
     Parameters
     ----------
-    source : Path
+    source : path
         A video, or a text file with one time in s per line (``#`` begins a comment).
 
     Returns
@@ -125,6 +128,7 @@ def frame_times(source: Path) -> NDArray[np.float64]:
     DataError
         Neither, or a video whose container has no times.
     """
+    source = Path(source)
     with source.open("rb") as file:
         is_text = b"\0" not in file.read(4096)
     if is_text:

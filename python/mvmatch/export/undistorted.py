@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     import pycolmap
     from numpy.typing import NDArray
 
+    from mvmatch.types import StrPath
+
 IMAGES = "images"
 """Folder of the undistorted pictures."""
 
@@ -43,10 +45,10 @@ SPARSE = "sparse"
 
 def write_undistorted(
     model: pycolmap.Reconstruction,
-    pictures: Path,
-    folder: Path,
+    pictures: StrPath,
+    folder: StrPath,
     *,
-    masks: Path | None = None,
+    masks: StrPath | None = None,
     progress: Callable[[int, int | None], None] | None = None,
 ) -> int:
     """Write ``images/`` without distortion, and ``sparse/0`` with the pinhole cameras they have.
@@ -58,12 +60,12 @@ def write_undistorted(
     model : pycolmap.Reconstruction
         Any model; it is not changed. In the one written each point has the colour of one picture,
         and images without a pose or a picture are left out.
-    pictures : Path
+    pictures : path
         Folder that the image names are relative to, or the video whose frame numbers they carry.
         One picture is in memory at a time.
-    folder : Path
+    folder : path
         Made if missing; the folders appear in it when they are complete.
-    masks : Path, optional
+    masks : path, optional
         Folder of masks as COLMAP names them, ``NAME.png`` for the image ``NAME``: black where it is
         not to be looked at.
     progress : callable, optional
@@ -80,6 +82,9 @@ def write_undistorted(
         ``folder`` has such folders already; no picture is there, a mask is not, they cannot be read
         or have not the size of the model's cameras; or they cannot be written under their names.
     """
+    pictures = Path(pictures)
+    folder = Path(folder)
+    masks = None if masks is None else Path(masks)
     parts = (IMAGES, SPARSE) if masks is None else (IMAGES, MASKS, SPARSE)
     for name in parts:
         if (folder / name).exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,17 +11,18 @@ from mvmatch.encode.frames import open_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
+    from mvmatch.types import StrPath
 
-def gray_pictures(source: Path, *, max_frames: int | None = None) -> Iterator[NDArray[np.uint8]]:
+
+def gray_pictures(source: StrPath, *, max_frames: int | None = None) -> Iterator[NDArray[np.uint8]]:
     """Decode the shown pictures of a video or read the images of a folder.
 
     Parameters
     ----------
-    source : Path
+    source : path
         A video FFmpeg decodes, AV1 included, or a folder of images in natural order.
     max_frames : int, optional
         Stop after so many.
@@ -39,6 +41,6 @@ def gray_pictures(source: Path, *, max_frames: int | None = None) -> Iterator[ND
         Nothing in it can be decoded, or the pictures have different sizes.
     """
     # The rate only times the images of a folder, which nobody asks here.
-    for picture in open_frames(source, frame_rate=30.0, max_frames=max_frames):
+    for picture in open_frames(Path(source), frame_rate=30.0, max_frames=max_frames):
         luma = picture.to_ndarray(format="gray")
         yield np.ascontiguousarray(luma, np.uint8)

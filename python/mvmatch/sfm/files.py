@@ -8,22 +8,24 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mvmatch.errors import DataError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     import pycolmap
+
+    from mvmatch.types import StrPath
 
 _PARTS = ("cameras", "frames", "images", "points3D", "rigs")
 _LABEL = "mvmatch.txt"
 """Tells a model that a later run may replace or remove from those of others."""
 
 
-def write_models(models: Sequence[pycolmap.Reconstruction], out: Path) -> list[Path]:
+def write_models(models: Sequence[pycolmap.Reconstruction], out: StrPath) -> list[Path]:
     """Write models to ``out/0``, ``out/1`` and so on, in the place of those of an earlier run.
 
     Of the earlier ones none is left, however few the new ones are. Other files in their folders,
@@ -34,13 +36,14 @@ def write_models(models: Sequence[pycolmap.Reconstruction], out: Path) -> list[P
     DataError
         The folder cannot be written.
     """
+    out = Path(out)
     for path in _numbered(out):
         if int(path.name) >= len(models) and _is_ours(path):
             _remove_model(path)
     return [write_model(model, out, number) for number, model in enumerate(models)]
 
 
-def write_model(model: pycolmap.Reconstruction, out: Path, number: int = 0) -> Path:
+def write_model(model: pycolmap.Reconstruction, out: StrPath, number: int = 0) -> Path:
     """Write the model to ``out/0``, or another number; an older one there is replaced.
 
     Raises
@@ -48,6 +51,7 @@ def write_model(model: pycolmap.Reconstruction, out: Path, number: int = 0) -> P
     DataError
         The folder cannot be written.
     """
+    out = Path(out)
     path, partial = out / str(number), out / f".{number}.partial"
     try:
         shutil.rmtree(partial, ignore_errors=True)

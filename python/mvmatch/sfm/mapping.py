@@ -36,12 +36,13 @@ if TYPE_CHECKING:
     from mvmatch.sfm.keyframes import KeyframeSelection
     from mvmatch.sfm.localize import Unregistered
     from mvmatch.sfm.result import Attempt, Joint
+    from mvmatch.types import StrPath
 
 _BEYOND = "no model holds the part it is in together with this one"
 
 
 def reconstruct(
-    database: Path, out: Path, *, options: MapperOptions | None = None
+    database: StrPath, out: StrPath, *, options: MapperOptions | None = None
 ) -> ReconstructionResult:
     """Reconstruct a model from a COLMAP database; no image is read.
 
@@ -58,9 +59,9 @@ def reconstruct(
 
     Parameters
     ----------
-    database : Path
+    database : path
         COLMAP database with two-view geometries; it is not changed.
-    out : Path
+    out : path
         Folder for models; the accepted one is written to ``out/0``, those of further parts to
         ``out/1`` and so on. Models that an earlier run left there are removed, also where no model
         holds now.
@@ -80,6 +81,8 @@ def reconstruct(
     FileNotFoundError
         There is no such database.
     """
+    database = Path(database)
+    out = Path(out)
     options = options or MapperOptions()
     check_database(database)
     foreign = foreign_models(out)
