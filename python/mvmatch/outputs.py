@@ -176,9 +176,8 @@ def camera_warnings(
 
 def dense_warnings(match: Match, options: RefineOptions) -> list[str]:
     """Return what would make the points of further tracks exacter, if it is not there."""
-    if not len(match.further) or match.is_further_refined or options.when != "auto":
-        return []
-    if has_opencv():
+    gains = len(match.further) > 0 and not match.footage.stands_still
+    if not gains or match.is_further_refined or options.when != "auto" or has_opencv():
         return []
     return [
         "Further tracks are not aligned to the pictures; with OpenCV "

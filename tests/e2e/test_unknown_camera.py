@@ -82,12 +82,15 @@ def test_without_opencv_it_is_said_that_dense_points_would_be_exacter(
 ) -> None:
     dense = match_video(data / "drive.ivf", options=TrackOptions.preset("dense"))
     aligned = dataclasses.replace(dense, is_further_refined=True)
+    at_rest = dataclasses.replace(dense.footage, still_area_share=0.8)
+    resting = dataclasses.replace(dense, footage=at_rest)
     for is_there in (True, False):
         monkeypatch.setattr("mvmatch.outputs.has_opencv", lambda is_there=is_there: is_there)
         told = [*dense_warnings(dense, RefineOptions())]
         assert ["mvmatch[refine]" in warning for warning in told] == [True] * (not is_there)
         assert not dense_warnings(dense, RefineOptions(when="never"))
         assert not dense_warnings(aligned, RefineOptions())
+        assert not dense_warnings(resting, RefineOptions())
         assert not dense_warnings(match, RefineOptions())
 
 
