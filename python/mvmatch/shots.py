@@ -105,7 +105,9 @@ class CutFinder:
         for index, boundary in enumerate(known.tolist()):
             before, after = share[max(0, index - _NEAR) : index], share[index + 1 :][:_NEAR]
             near = np.concatenate([before, after])
-            if len(near) and share[index] < least * np.median(near):
+            if share[index] >= least * near.max(initial=0.0):
+                continue  # as nearly all are, told without sorting
+            if share[index] < least * np.median(near):
                 found.append(boundary)
         return tuple(found)
 

@@ -41,15 +41,15 @@ class ReferenceStructure:
         if field.is_key:
             return
         area = _area_inside(field)
-        distance = field.frame - field.ref_frame
-        for value in np.unique(distance):
-            chosen = distance == value
-            self._rows[int(value)] += int(chosen.sum())
-            self._area[int(value)] += int(area[chosen].sum())
-            self._pairs.extend((field.frame, field.frame - int(value), int(chosen.sum())))
-        # A compound block has one row per reference; its area counts once.
-        _, first = np.unique(field.block, axis=0, return_index=True)
-        self._inter_area += float(area[first].sum())
+        distance = (field.frame - field.ref_frame).astype(np.int64)
+        lowest = int(distance.min(initial=0))
+        num_rows = np.bincount(distance - lowest)
+        areas = np.bincount(distance - lowest, weights=area)
+        for index in np.flatnonzero(num_rows).tolist():
+            self._rows[lowest + index] += int(num_rows[index])
+            self._area[lowest + index] += int(areas[index])
+            self._pairs.extend((field.frame, field.frame - lowest - index, int(num_rows[index])))
+        self._inter_area += float(area[_first_rows(field)].sum())
         self._inter_picture_area += float(field.width * field.height)
 
     @property
@@ -172,6 +172,17 @@ def _count(frames: Sequence[FrameFacts]) -> tuple[Counter[str], list[int]]:
         if frame.frame_type == "KEY":
             keys.append(frame.display_index)
     return counts, keys
+
+
+def _first_rows(field: MotionField) -> NDArray[np.int64]:
+    """(B,) first row of every block; a compound block has one row per reference.
+
+    Blocks are told apart by their upper-left corners: ``np.unique`` of whole rows takes ten times
+    as long.
+    """
+    corner = field.block[:, 1].astype(np.int64) * field.width + field.block[:, 0]
+    order = np.argsort(corner, kind="stable")
+    return order[np.diff(corner[order], prepend=-1) != 0]
 
 
 def _area_inside(field: MotionField) -> NDArray[np.int64]:
