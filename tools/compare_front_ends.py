@@ -2,7 +2,8 @@
 
     python tools/compare_front_ends.py FRAMES --stream CLIP.ivf --camera CALIB [--max-frames N]
 
-Wall and CPU seconds are those of the process with everything it starts, Python's start included.
+Wall and CPU seconds are those of the process with everything it starts, Python's start included;
+NumPy's BLAS has one thread, for idle ones that wait for work count as CPU time.
 All methods verify with the same RANSAC settings and write the same kind of database. The frames
 are read from disk by the methods that need pixels; the motion vectors are read from the stream, and
 what encoding it costs is measured in a line of its own.
@@ -90,7 +91,8 @@ def measure(name: str, database: Path) -> dict[str, float | int | str]:
     """Run one method in a process of its own."""
     started = time.perf_counter()
     command = [*sys.argv, "--run", name, "--database", str(database)]
-    process = os.posix_spawn(sys.executable, [sys.executable, *command], os.environ)
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    process = os.posix_spawn(sys.executable, [sys.executable, *command], environment)
     _, status, usage = os.wait4(process, 0)
     row: dict[str, float | int | str] = {
         "method": name,
