@@ -6,7 +6,8 @@ Wall and CPU seconds are those of the process with everything it starts, Python'
 NumPy's BLAS has one thread, for idle ones that wait for work count as CPU time.
 All methods verify with the same RANSAC settings and write the same kind of database. The frames
 are read from disk by the methods that need pixels; the motion vectors are read from the stream, and
-what encoding it costs is measured in a line of its own.
+what encoding it costs is measured in a line of its own. ``mvmatch-bridged`` also looks for gaps
+between vectors and decodes the stream's pictures around them, as ``mvmatch run`` does.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ import tempfile
 import time
 from pathlib import Path
 
-METHODS = ("mvmatch", "encode-svt", "klt", "dis", "sift-sequential")
+METHODS = ("mvmatch", "mvmatch-bridged", "encode-svt", "klt", "dis", "sift-sequential")
 
 
-def run_mvmatch(arguments: argparse.Namespace, database: Path) -> None:
+def run_mvmatch(arguments: argparse.Namespace, database: Path, *, bridged: bool) -> None:
     from mvmatch.camera import parse_camera
     from mvmatch.export.colmap import write_database
     from mvmatch.matching import match_video
@@ -32,6 +33,12 @@ def run_mvmatch(arguments: argparse.Namespace, database: Path) -> None:
     options = TrackOptions.preset(arguments.preset)
     match = match_video(arguments.stream, options=options, read=ReadOptions(threads=1))
     camera = parse_camera(arguments.camera, match.info.width, match.info.height).camera
+    if bridged:
+        from mvmatch.config import RunOptions
+        from mvmatch.pictures import bridge_match
+
+        bridging = RunOptions.preset(arguments.preset).bridge
+        match = bridge_match(match, arguments.stream, camera, options=bridging)
     names = [f"{frame:06d}.png" for frame in range(match.num_frames)]
     write_database(
         match.tracks, database, camera=camera, image_names=names, max_gap=options.max_gap
@@ -77,8 +84,8 @@ def run_sift(arguments: argparse.Namespace, database: Path) -> None:
 
 def run_method(arguments: argparse.Namespace) -> None:
     name, database = arguments.run, arguments.database
-    if name == "mvmatch":
-        run_mvmatch(arguments, database)
+    if name.startswith("mvmatch"):
+        run_mvmatch(arguments, database, bridged=name == "mvmatch-bridged")
     elif name == "encode-svt":
         run_encoder(arguments, database)
     elif name == "sift-sequential":
