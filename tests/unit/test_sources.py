@@ -109,6 +109,16 @@ def test_a_compound_block_covers_its_area_once() -> None:
     assert structure.num_vectors == 2
 
 
+def test_rows_are_counted_by_distance_however_far_it_is() -> None:
+    structure = ReferenceStructure()
+    far = -(2**31) + 5
+    block = [[0, 0, 32, 32], [32, 0, 32, 32], [0, 0, 32, 32], [0, 32, 8, 8]]
+    structure.add(field(2, block, [1, 3, far, 1]))
+    arrays = structure.to_arrays()
+    assert arrays["per_distance"].tolist() == [[-1, 1, 1024], [1, 2, 1024], [2 - far, 1, 1024]]
+    assert sorted(arrays["per_pair"].tolist()) == [[2, far, 1], [2, 1, 2], [2, 3, 1]]
+
+
 def test_only_key_frames_are_warned_about() -> None:
     structure = ReferenceStructure()
     frames = [facts(0, "KEY"), facts(1, "KEY")]

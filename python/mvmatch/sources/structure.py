@@ -41,14 +41,12 @@ class ReferenceStructure:
         if field.is_key:
             return
         area = _area_inside(field)
-        distance = (field.frame - field.ref_frame).astype(np.int64)
-        lowest = int(distance.min(initial=0))
-        num_rows = np.bincount(distance - lowest)
-        areas = np.bincount(distance - lowest, weights=area)
-        for index in np.flatnonzero(num_rows).tolist():
-            self._rows[lowest + index] += int(num_rows[index])
-            self._area[lowest + index] += int(areas[index])
-            self._pairs.extend((field.frame, field.frame - lowest - index, int(num_rows[index])))
+        distances, index = np.unique(field.frame - field.ref_frame, return_inverse=True)
+        num_rows, areas = np.bincount(index), np.bincount(index, weights=area)
+        for distance, rows, size in zip(distances.tolist(), num_rows, areas, strict=True):
+            self._rows[distance] += int(rows)
+            self._area[distance] += int(size)
+            self._pairs.extend((field.frame, field.frame - distance, int(rows)))
         self._inter_area += float(area[_first_rows(field)].sum())
         self._inter_picture_area += float(field.width * field.height)
 
