@@ -88,10 +88,10 @@ def write_motion(
     int
         Rows written.
     """
-    path = Path(path)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    path = Path(path)
     rows = waiting = 0
     schema = _motion_schema()
     headers = array("d")
@@ -186,10 +186,10 @@ def write_tracks(table: TracksTable, path: StrPath, *, options: Mapping[str, Any
     options : mapping
         The options that made the tracks, kept in the metadata.
     """
-    path = Path(path)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    path = Path(path)
     extra = {
         "info": asdict(table.info),
         "image_names": list(table.image_names),

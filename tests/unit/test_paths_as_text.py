@@ -5,20 +5,24 @@ import inspect
 import pytest
 
 import mvmatch
+from mvmatch.demo import run_demo
 from mvmatch.export import colors, hloc, masks, model, nerfstudio, points, trajectory, undistorted
+from mvmatch.export.pictures import write_frames
 from mvmatch.pictures import bridge_match, loop_match, refine_match
-from mvmatch.sfm import write_model
+from mvmatch.refine import gray_pictures
+from mvmatch.sfm import write_model, write_models
+from mvmatch.store import write_motion
 from mvmatch.viz import draw_motion, draw_tracks
 
 pycolmap = pytest.importorskip("pycolmap")
 
 DOORS = [
     *(getattr(mvmatch, name) for name in mvmatch.__all__ if name[0].islower()),
-    *(bridge_match, loop_match, refine_match, write_model, draw_motion, draw_tracks),
+    *(bridge_match, loop_match, refine_match, write_model, write_models, draw_motion, draw_tracks),
     *(colors.color_points, hloc.write_hloc, masks.write_masks, nerfstudio.write_nerfstudio),
     *(model.read_model, model.write_binary, model.write_text, points.write_ply),
     *(trajectory.write_tum, trajectory.write_kitti, trajectory.frame_times),
-    undistorted.write_undistorted,
+    *(undistorted.write_undistorted, write_frames, write_motion, gray_pictures, run_demo),
 ]
 
 

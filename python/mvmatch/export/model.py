@@ -65,9 +65,9 @@ def read_model(folder: StrPath) -> pycolmap.Reconstruction:
     DataError
         The folder holds no model, its files are damaged, or no image has a pose.
     """
-    folder = Path(folder)
     import pycolmap
 
+    folder = Path(folder)
     suffix = _model_suffix(folder)
     if suffix == ".bin":
         for name, layout in _LAYOUTS.items():

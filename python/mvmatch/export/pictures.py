@@ -120,8 +120,7 @@ def write_frames(model: pycolmap.Reconstruction, video: StrPath, folder: StrPath
         The video is not that of the model, a name leads out of the folder or has no ending of an
         image, or the folder cannot be written.
     """
-    video = Path(video)
-    folder = Path(folder)
+    video, folder = Path(video), Path(folder)
     written = 0
     for image, picture in model_pictures(model, video):
         write_picture(picture, folder / safe_name(image.name))

@@ -49,9 +49,9 @@ def score_database(
     DataError
         The file is not a COLMAP database.
     """
-    path = Path(path)
     import pycolmap
 
+    path = Path(path)
     check_is_database(path)
     scores: list[TwoViewScore] = []
     with pycolmap.Database.open(path) as database:

@@ -82,8 +82,7 @@ def write_undistorted(
         ``folder`` has such folders already; no picture is there, a mask is not, they cannot be read
         or have not the size of the model's cameras; or they cannot be written under their names.
     """
-    pictures = Path(pictures)
-    folder = Path(folder)
+    pictures, folder = Path(pictures), Path(folder)
     masks = None if masks is None else Path(masks)
     parts = (IMAGES, SPARSE) if masks is None else (IMAGES, MASKS, SPARSE)
     for name in parts:

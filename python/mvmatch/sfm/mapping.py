@@ -81,8 +81,7 @@ def reconstruct(
     FileNotFoundError
         There is no such database.
     """
-    database = Path(database)
-    out = Path(out)
+    database, out = Path(database), Path(out)
     options = options or MapperOptions()
     check_database(database)
     foreign = foreign_models(out)
